@@ -22,7 +22,6 @@ FILES = (
     "colony/sim/sensors/rings.py",
     "colony/sim/devices/sensors.py",
     "colony/sim/devices/beams.py",
-    "colony/sim/devices/sensors.py",
     "colony/sim/devices/device.py",
     "colony/sim/devices/actuators.py",
     "colony/sim/devices/ranging.py",

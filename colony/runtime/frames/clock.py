@@ -65,9 +65,9 @@ from colony.runtime.protocol.messages import (
     Tick,
     Verdict,
     Wake,
-    WakeAt,
 )
 from colony.runtime.protocol.plausibility import FRAME_NUMBER_NS, MAX_CLOCK_LEAD_NS, MAX_GAPS
+from colony.runtime.protocol.wakes import WakeSchedule
 
 IDLE_FRAME_NS = 50_000_000
 """Frame period of a robot without a program, in nanoseconds."""
@@ -136,7 +136,7 @@ class Clock:
         self._decided: set[str] = set()
         self._answered: dict[str, int] = {}  # the newest frame of each server
         self._releases: dict[CallId, tuple[int, int]] = {}  # the first tick with each, and its deadline
-        self._wake_ns: int | None = None
+        self._wakes = WakeSchedule()
         self._calls = CallDispatcher(
             self.address,
             (
@@ -327,9 +327,7 @@ class Clock:
         if now_ns >= self._due_ns or self._is_decided_in_lockstep():
             yield from self._begin_frame(now_ns)
         due = self._due_ns if self._ready_by_ns is None else min(self._due_ns, self._ready_by_ns)
-        if self._wake_ns is None or now_ns >= self._wake_ns or due < self._wake_ns:
-            self._wake_ns = due
-            yield WakeAt(due)
+        yield from self._wakes.request(due, now_ns)
 
     def _is_decided_in_lockstep(self) -> bool:
         """Return True if the run is in lockstep, and the frame is decided for all actuators."""
