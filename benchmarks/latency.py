@@ -28,26 +28,27 @@ NEWEST = 10_000
 
 
 def _noting(found: deque[float]) -> None:
-    """Note how long after the newest tick that RServer took each command reaches the simulated base."""
+    """Note how long after the newest tick that RServer took its driver has each command."""
     from colony.runtime.protocol.messages import Tick
+    from colony.runtime.servers.base import Base
     from colony.runtime.servers.rserver import RServer
-    from colony.sim.plant.servers import RemoteBase
 
     newest = [0]
     handle: Callable[..., Any] = RServer.handle
-    drive: Callable[..., Any] = RemoteBase.drive
+    drive: Callable[..., Any] = Base.drive
 
     def noting_tick(server: RServer, message: object, now_ns: int) -> Any:
         if isinstance(message, Tick):
             newest[0] = time.monotonic_ns() - (now_ns - message.t_ns)
         return handle(server, message, now_ns)
 
-    def noting_command(base: RemoteBase, *arguments: Any, **named: Any) -> Any:
+    def noting_command(base: Base, *arguments: Any) -> Any:
+        bumper = drive(base, *arguments)
         found.append((time.monotonic_ns() - newest[0]) / 1e6)
-        return drive(base, *arguments, **named)
+        return bumper
 
     RServer.handle = noting_tick  # type: ignore[method-assign]
-    RemoteBase.drive = noting_command  # type: ignore[method-assign]
+    Base.drive = noting_command  # type: ignore[method-assign]
 
 
 def main() -> None:
