@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, NoReturn
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.progress import proof_progress
 from colony.cli.reporting import report, say
 from colony.cli.robot_choice import chosen_robot
-from colony.cli.verify.progress import progress
 from colony.cli.verify.prover_options import DEFAULT_DEPTH, DEFAULT_SECONDS
 from colony.extras import install_command, installed
 from colony.text.wording import counted, quoted
@@ -56,7 +56,7 @@ def _kept_proofs(program: Program, file: str, params: SiteParams) -> KeptProofs:
     from colony.verify.contracts.results import Options
 
     has_said = False
-    with progress() as (on_progress, _), reliable_interrupts():
+    with proof_progress() as (on_progress, _), reliable_interrupts():
 
         def show(completed: int, total: int, current: str) -> None:
             nonlocal has_said

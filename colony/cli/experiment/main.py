@@ -327,7 +327,7 @@ def _carry_out(
     experiment: Experiment, trials: Sequence[Trial], output: Path | None, engine: Engine
 ) -> tuple[tuple[TrialResult, ...], bool]:
     """Make the missing runs; return all results, by number, and True if the user interrupted."""
-    from colony.cli.experiment.progress import progress
+    from colony.cli.progress import experiment_progress
     from colony.experiment.results import Results
     from colony.experiment.trial import TRIALS, TrialError, run_trial
 
@@ -338,7 +338,7 @@ def _carry_out(
         stored = results.keys()
         missing = [trial for trial in trials if trial.key not in stored]
         try:
-            with progress("runs", _is_bad, _short) as on_run:
+            with experiment_progress("runs", _is_bad, _short) as on_run:
                 before = len(trials) - len(missing)
                 for done, result in enumerate(engine.results(run_trial, missing), before + 1):
                     results.put(result)

@@ -209,7 +209,7 @@ def _tested(robot: str, request: AcceptanceRequest) -> AcceptanceFindings:
     """Execute the test and audit its recording; return what was found, also after an interruption."""
     from colony.cli.audit import audited
     from colony.cli.interruption import interruptible
-    from colony.cli.run.progress import Progress
+    from colony.cli.progress import RunProgress
     from colony.robots.acceptance.findings import AcceptanceFindings
     from colony.robots.acceptance.trial import InterruptedTestError, RobotTrial
     from colony.runtime.transport.live.robot_address import local
@@ -217,7 +217,7 @@ def _tested(robot: str, request: AcceptanceRequest) -> AcceptanceFindings:
     from colony.text.diagnostics import DiagnosticError
 
     findings = AcceptanceFindings(robot=robot, actuators=len(request.actuators))
-    progress = Progress(round(request.seconds * 1e9))
+    progress = RunProgress(round(request.seconds * 1e9))
 
     def show(seconds: float, doing: str) -> None:
         progress.show(round(min(seconds, request.seconds) * 1e9), lambda: doing)

@@ -6,8 +6,8 @@ import sys
 from typing import TYPE_CHECKING
 
 from colony.cli.interruption import interruptible
+from colony.cli.progress import RunProgress
 from colony.cli.reporting import say
-from colony.cli.run.progress import Progress
 from colony.robots.request import UserInterface
 
 if TYPE_CHECKING:
@@ -24,6 +24,6 @@ def _operator(building: Building) -> Script:
 
 
 TERMINAL_INTERFACE = UserInterface(
-    report=say, interruptible=interruptible, progress=Progress, operator=_operator
+    report=say, interruptible=interruptible, progress=RunProgress, operator=_operator
 )
 """The interface at the terminal."""

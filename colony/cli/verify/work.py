@@ -11,9 +11,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from colony.cli.progress import ReportProgress
 from colony.cli.reporting import check_to_run
 from colony.cli.verify.certificates import write_certificate
-from colony.cli.verify.progress import ReportProgress
 from colony.cli.verify.prover_options import DEFAULT_SECONDS
 from colony.cli.verify.tests import append_tests
 from colony.text.diagnostics import DiagnosticError

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.cli.run.progress import Progress
+from colony.cli.progress import RunProgress
 from colony.ir.frame import Frame
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
@@ -28,7 +28,7 @@ def frame(t_s: int, **by: str | None) -> RunFrame:
 def test_actuators_are_in_one_order_whatever_that_of_their_verdicts(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    progress = Progress(10 * SECOND)
+    progress = RunProgress(10 * SECOND)
     progress.take(frame(1, lift=None, drive="cruise"))
     progress.take(frame(2, drive="cruise", lift=None))
     progress.close()
