@@ -54,11 +54,11 @@ def outside_objection(actuator: Actuator, verdict: SentCommand, interpreter: Int
     bounds = ranges if verdict.unlimited else interpreter.bounds(actuator)
     if bounds is None:
         return "a command from outside was sent in a frame whose limits allow none"
-    for field, value, (low, high) in zip(actuator.fields, verdict.values, bounds, strict=True):
-        if not isinstance(value, bool) and not low / field.factor <= value <= high / field.factor:
-            least, most = low / field.factor, high / field.factor
+    for sent, value, (low, high) in zip(actuator.fields, verdict.values, bounds, strict=True):
+        if not isinstance(value, bool) and not low / sent.factor <= value <= high / sent.factor:
+            least, most = low / sent.factor, high / sent.factor
             allowed = f"at least {least:g}" if value < least else f"at most {most:g}"
-            found = f"{field.name} = {value:g} {field.unit}; allowed: {allowed} {field.unit}"
+            found = f"{sent.name} = {value:g} {sent.unit}; allowed: {allowed} {sent.unit}"
             return f"a command from outside is beyond the limits: found {found}"
     return None
 

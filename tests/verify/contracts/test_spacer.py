@@ -26,7 +26,7 @@ def twice() -> Cell:
     return Cell(name="other", old=OTHER, next=z3.If(TICK, OTHER + 2, OTHER), initial=z3.IntVal(0))
 
 
-def attempt(made: System) -> Attempt:
+def attempted(made: System) -> Attempt:
     return Attempt(ProofContext(made), made.claims[0].name, Budget(Options()))
 
 
@@ -36,7 +36,7 @@ def solve(made: System, budget: Budget, share: float = 1.0) -> spacer.Safe | spa
 
 def test_a_relation_of_two_counters_that_no_template_has_is_found() -> None:
     made = system([counter(), twice()], {"in_step": z3.Implies(OTHER == 10, COUNT == 5)})
-    proof = attempt(made).run()
+    proof = attempted(made).run()
     assert isinstance(proof, Proof)
     assert proof.conditions_used
 
@@ -80,13 +80,13 @@ def test_a_wrong_invariant_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> No
     made = system([counter()], {"low": COUNT < 7})
     guesses = (Candidate("not inductive", COUNT < 7), Candidate("wrong at first", COUNT > 0))
     monkeypatch.setattr(spacer, "solve", lambda *_, **__: spacer.Safe(guesses))
-    assert attempt(made).run() is None
+    assert attempted(made).run() is None
 
 
 def test_a_run_that_does_not_exist_refutes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(spacer, "solve", lambda *_, **__: spacer.Broken(3, 1))
     made = system([counter(3)], {"low": COUNT < 3})
-    assert attempt(made).run() is None
+    assert attempted(made).run() is None
 
 
 def test_a_query_ends_at_its_limit() -> None:
