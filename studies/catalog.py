@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any, Generic
 
-from colony.experiment.results import R, Table
+from colony.experiment.results import R, ResultTable
 from studies.confidence.tables import event_table, path_table
 from studies.figures import Target, targets
 from studies.lights.results import LIGHT_TABLE, LightResult, light_tables, light_targets
@@ -54,7 +54,7 @@ class Study(Generic[R]):
     runs: Callable[[], tuple[ListedRun, ...]]
     seeds: int
     work: Callable[[RunSpec], R]
-    table: Table[R]
+    table: ResultTable[R]
     targets: Callable[[Sequence[R]], tuple[Target, ...]]
     tables: Callable[[Sequence[ListedRun], Sequence[R]], list[str]]
     as_json: Callable[[R], dict[str, object]]

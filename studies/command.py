@@ -17,8 +17,8 @@ from colony.cli.experiment.options import (
     results_option,
     workers_option,
 )
+from colony.cli.outputs import map_option
 from colony.cli.reporting import report, say
-from colony.cli.shipped_files import map_option
 
 if TYPE_CHECKING:
     from colony.experiment.parallel import Engine

@@ -10,7 +10,7 @@ from pathlib import Path
 import colony
 from colony.experiment.parallel import Engine
 from colony.experiment.results import R, Results, RunKey
-from colony.nav.pose.tracker import EVERY_SOURCE, Source
+from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
 from colony.robots.behavior import behavior_of
 from colony.robots.navigation import CEILING_CAMERA, SIDE_CAMERA
 from colony.sim.hazards.hazards import Hazard, Hazards
@@ -48,7 +48,7 @@ class Experiment:
     seeds: tuple[int, ...]
     variant: VariantName
     hazards: Hazards
-    sources: frozenset[Source] = EVERY_SOURCE
+    sources: frozenset[PoseSource] = EVERY_SOURCE
     cameras: frozenset[str] = frozenset({CEILING_CAMERA})
 
     @property
@@ -57,7 +57,10 @@ class Experiment:
         disabled = [f"no-{name}" for name, hazard in HAZARD_NAMES.items() if hazard not in self.hazards.on]
         if len(disabled) == len(HAZARD_NAMES):
             disabled = ["no-hazards"]
-        deviations = [*disabled, *(f"no-{source.value}" for source in Source if source not in self.sources)]
+        deviations = [
+            *disabled,
+            *(f"no-{source.value}" for source in PoseSource if source not in self.sources),
+        ]
         if SIDE_CAMERA in self.cameras:
             deviations.append("side-camera")
         return "/".join([self.variant, *([",".join(deviations)] if deviations else [])])

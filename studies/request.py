@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from colony.nav.maps.building import load_building
-from colony.nav.pose.tracker import Source
+from colony.nav.pose.tracker import PoseSource
 from colony.robots.navigation import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
 from colony.sim.hazards.hazards import Hazards
 from studies.catalog import CUSTOM, STUDIES, Study
@@ -131,7 +131,7 @@ def _with_sources(experiment: Experiment, study: Study[Any], request: Experiment
         raise MisuseError(
             f"--no-source and --side-camera require the variant `ours`, and exclude the lists {own}"
         )
-    names = {source.value: source for source in Source}
+    names = {source.value: source for source in PoseSource}
     for name in request.no_source:
         if name not in names:
             raise MisuseError(f"unknown source `{name}`; expected {', '.join(names)}")

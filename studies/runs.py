@@ -18,7 +18,7 @@ from colony.experiment.results import RunKey
 from colony.nav.maps.building import Building, load_building
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
-from colony.nav.pose.tracker import EVERY_SOURCE, Source
+from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
 from colony.robots.behavior import behavior_of
 from colony.robots.expected import GOAL_RADIUS_MM, expected_s
 from colony.robots.navigation import CEILING_CAMERA, PLANNER
@@ -31,7 +31,7 @@ from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.hazards.scenery import Scenery
 from colony.sim.world.operator import operator
-from colony.sim.world.site import Site
+from colony.sim.world.site import SimulatedSite
 from studies.confidence.published_runs import PUBLISHED_RUNS
 from studies.hazards_on_route import hazards_on_route
 from studies.lists import PUBLISHED
@@ -59,7 +59,7 @@ class RunSpec:
     origin: str
     goal: str
     hazards: Hazards
-    sources: frozenset[Source] = EVERY_SOURCE
+    sources: frozenset[PoseSource] = EVERY_SOURCE
     cameras: frozenset[str] = frozenset({CEILING_CAMERA})
 
 
@@ -118,7 +118,7 @@ class Run:
         self.building = building_at(spec.map_path)
         self.plan = plan_of(spec)
         seed = seed_of(spec.key)
-        self.site = Site(
+        self.site = SimulatedSite(
             self.building,
             self.plan.floors,
             spec.hazards,

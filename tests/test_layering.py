@@ -11,9 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent / "colony"
 
-BASE = {
-    *("colony", "colony.collector", "colony.extras", "colony.files", "colony.os_errors", "colony.record"),
-}
+BASE = {"colony", "colony.collector", "colony.extras", "colony.files", "colony.record"}
 ALLOWED: dict[str, set[str]] = {
     "text": set(),
     "shipped": set(),
@@ -219,6 +217,21 @@ def _command(*arguments: str) -> str:
         f"with suppress(SystemExit): main()\n"
         f"pass"
     )
+
+
+MAX_LINES = 610
+"""Lines of a file that one sitting can read."""
+
+
+def test_a_class_name_is_used_once_and_a_file_can_be_read_in_one_sitting() -> None:
+    classes: dict[str, list[str]] = {}
+    for path in ROOT.rglob("*.py"):
+        text = path.read_text()
+        assert text.count("\n") <= MAX_LINES, path
+        for node in ast.parse(text).body:
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                classes.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
+    assert not {name: paths for name, paths in classes.items() if len(paths) > 1}
 
 
 PROCESSES: tuple[tuple[str, str, set[str]], ...] = (

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 from colony.body.devices import Device, Directed
-from colony.body.model import Body, Server
+from colony.body.model import Body, ServerTable
 from colony.ir.bearings import between
 from colony.ir.program import Actuator, Robot, Sensor
 from colony.ir.servers import COMMON_SERVERS, CommandSpec, FieldSpec, ParameterSpec, ServerSpec
@@ -65,7 +65,7 @@ def _server(name: str, body: Body, robot: Robot | None) -> ServerSpec:
     )
 
 
-def _fields(server: Server, device: Device | None, sensors: Mapping[str, Sensor]) -> Iterator[FieldSpec]:
+def _fields(server: ServerTable, device: Device | None, sensors: Mapping[str, Sensor]) -> Iterator[FieldSpec]:
     """Yield the fields of the device, then those that the interface reads and only the table has."""
     measured = () if device is None else device.fields
     for spec in measured:
@@ -76,7 +76,7 @@ def _fields(server: Server, device: Device | None, sensors: Mapping[str, Sensor]
             yield _described(FieldSpec(field, sensors[field].type, _DECLARED), server, sensors[field])
 
 
-def _described(spec: FieldSpec, server: Server, sensor: Sensor | None) -> FieldSpec:
+def _described(spec: FieldSpec, server: ServerTable, sensor: Sensor | None) -> FieldSpec:
     """Return a field with what the interface and the body say of it."""
     if sensor is not None:
         spec = replace(spec, declared=sensor.unit)

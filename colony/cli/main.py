@@ -18,7 +18,7 @@ import click
 from colony import __version__
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.extras import naming_missing_extras
-from colony.text.suggestions import did_you_mean
+from colony.text.wording import did_you_mean
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -173,7 +173,7 @@ def _report_failure(problem: Exception) -> int:
     """
     from colony.cli.reporting import report
     from colony.extras import MissingExtraError
-    from colony.os_errors import describe, is_out_of_memory
+    from colony.files import describe, is_out_of_memory
     from colony.text.diagnostics import DiagnosticError
 
     if is_out_of_memory(problem):

@@ -31,7 +31,7 @@ class ReportProgress(Protocol):
         ...
 
 
-class Pause(Protocol):
+class ProgressPause(Protocol):
     """A function that returns a context in which nothing of the progress is on the screen."""
 
     def __call__(self) -> AbstractContextManager[None]:
@@ -102,7 +102,7 @@ def _run_text(log: RunFrame) -> str:
 
 
 @contextmanager
-def proof_progress() -> Iterator[tuple[ReportProgress, Pause]]:
+def proof_progress() -> Iterator[tuple[ReportProgress, ProgressPause]]:
     """Show the progress of proofs inside the `with`, on a terminal only."""
     if not sys.stderr.isatty():
         yield (lambda completed, total, current: None), nullcontext

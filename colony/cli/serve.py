@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
+from colony.cli.outputs import map_option, movers_option, start_option
 from colony.cli.reporting import report, say
 from colony.cli.robot_choice import chosen_robot, robot_and_description_option
 from colony.cli.robot_options import reporting_connection_errors
-from colony.cli.shipped_files import map_option, movers_option, start_option
 from colony.extras import expect_extras
 from colony.files import user_folder
 
@@ -248,7 +248,7 @@ def server_named(text: str, settings: Settings) -> str:
     """
     from colony.cli.run.options import OptionError
     from colony.robots.robot_devices import served_names
-    from colony.text.suggestions import did_you_mean
+    from colony.text.wording import did_you_mean
 
     names = (*COMMON, *served_names(settings.described), *settings.cameras)
     found = next((name for name in names if name.casefold() == text.casefold()), None)

@@ -51,9 +51,8 @@ def with_proof(compilation: Compilation, file: str, params: SiteParams, *, inste
 
 
 def _kept_proofs(program: Program, file: str, params: SiteParams) -> KeptProofs:
-    from colony.verify.contracts.kept import kept_proofs
-    from colony.verify.contracts.proof_cache import cache_folder
-    from colony.verify.contracts.results import Options
+    from colony.verify.contracts.kept import cache_folder, kept_proofs
+    from colony.verify.contracts.results import ProofOptions
 
     has_said = False
     with proof_progress() as (on_progress, _), reliable_interrupts():
@@ -69,7 +68,7 @@ def _kept_proofs(program: Program, file: str, params: SiteParams) -> KeptProofs:
             _program_with(file, None),
             program,
             folder=cache_folder(os.environ),
-            options=Options.within(DEFAULT_SECONDS, depth=DEFAULT_DEPTH),
+            options=ProofOptions.within(DEFAULT_SECONDS, depth=DEFAULT_DEPTH),
             on_progress=show,
         )
 

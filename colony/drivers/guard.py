@@ -35,7 +35,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from colony.drivers import guard_packets as kinds
-from colony.drivers.link import Link, open_link
+from colony.drivers.link import ByteLink, open_link
 
 # --- guard outbox -------------------------------------------------------------------------------------
 #
@@ -51,7 +51,7 @@ MAX_WAITING = 200
 """Maximum number of plain packets that wait; more are dropped."""
 
 
-class Outbox:
+class PacketQueue:
     """The packets that wait for a port of `baud` (8N1; 0: not paced). Mutable.
 
     What the operating system has taken cannot be dropped any more, so that the outbox hands out a packet when
@@ -221,12 +221,12 @@ class GuardedPort:
         on_status: Callable[[str | None], None],
     ) -> None:
         self.name, self.baud = name, baud
-        self.outbox = Outbox(baud)
+        self.outbox = PacketQueue(baud)
         self._selector = selector
         self._on_data = on_data
         self._on_status = on_status
         self.is_new = False
-        self._link: Link | None = None
+        self._link: ByteLink | None = None
         self._retry_ns, self._pause_ns, self._opened_ns = 0, RETRY_NS[0], 0
 
     @property
@@ -317,7 +317,7 @@ UNSENT_CHECK_NS = 2_000_000
 
 
 @dataclass(slots=True)
-class Channel:
+class GuardedActuator:
     """What the guard knows of one actuator; `decided_ns` is its last decision, while it may move. Mutable."""
 
     stop: bytes
@@ -344,7 +344,7 @@ class Guard:
         self._drivers: list[socket.socket] = []
         self._alone_since_ns = time.monotonic_ns()
         self._commanding: socket.socket | None = None
-        self._channels = {0: Channel(stop)}  # of the connection that commands, or commanded last
+        self._channels = {0: GuardedActuator(stop)}  # of the connection that commands, or commanded last
         self._asked: list[
             tuple[int, int, int]
         ] = []  # channels and numbers of questions, and when they are due
@@ -485,7 +485,9 @@ class Guard:
             self._commanding, self._channels = driver, {}
         number, deadline_ms, handshake_first, size = kinds.HELLO_HEAD.unpack_from(body)
         body = body[kinds.HELLO_HEAD.size :]
-        self._channels[number] = Channel(body[:size], body[size:], deadline_ms * 1_000_000, handshake_first)
+        self._channels[number] = GuardedActuator(
+            body[:size], body[size:], deadline_ms * 1_000_000, handshake_first
+        )
         self._halt_unknown([number])
 
     def _decide(self, number: int, decided_ns: int, data: bytes) -> None:

@@ -22,7 +22,7 @@ from lark import Lark, TextSlice, Tree
 from lark.exceptions import UnexpectedInput
 
 from colony.dsl import ast
-from colony.dsl.build import Builder
+from colony.dsl.build import TreeBuilder
 from colony.files import keep_in_cache, read_from_cache, user_cache
 from colony.record import Record, record
 from colony.text.units import BASE_UNITS
@@ -89,7 +89,7 @@ def _parser() -> Lark:
         lexer="contextual",
         keep_all_tokens=True,
         maybe_placeholders=True,
-        transformer=Builder(),
+        transformer=TreeBuilder(),
     )
     with suppress(OSError):
         if file:

@@ -13,9 +13,8 @@ from colony.analysis.audit import audit_recording
 from colony.analysis.recording import OpenRecording
 from colony.execute.compiled import Compiled
 from colony.execute.needs import needs_of_clients
-from colony.experiment.design import Trial
-from colony.experiment.programs import compiled_of
-from colony.experiment.results import KEY_COLUMNS, Points, RunKey, Table
+from colony.experiment.design import Trial, compiled_of
+from colony.experiment.results import KEY_COLUMNS, Points, ResultTable, RunKey
 from colony.ir.program import Program
 from colony.robots.building_run import run_in_building
 from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
@@ -80,7 +79,7 @@ class TrialResult:
         return self.stay_s >= STUCK_S and self.arrived != 1
 
 
-TRIALS = Table(
+TRIALS = ResultTable(
     name="trial",
     kind=TrialResult,
     columns=(

@@ -28,7 +28,7 @@ from colony.runtime.observe.summary import Tally, Travel
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
-from colony.sim.given import nothing_given
+from colony.sim.mechanism import nothing_given
 from colony.sim.physics import Physics
 
 if TYPE_CHECKING:

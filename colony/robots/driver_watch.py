@@ -10,8 +10,8 @@ from colony.robots.discovery import session_with
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.robot_state import failing_parts
-from colony.runtime.transport.live.errors import LiveError
 from colony.runtime.transport.live.robot_address import RobotAddress
+from colony.runtime.transport.live.run_directory import LiveError
 from colony.text.wording import listed
 
 WATCH_INTERVAL_S = 1.0

@@ -25,7 +25,7 @@ from colony.robots.scripted import SCRIPTED_SERVERS, ScriptedRobot, SentCommand
 from colony.runtime.protocol.messages import Message, ServerFrame, Tick
 from colony.runtime.protocol.topics import activity, module_of
 from colony.runtime.transport.exchange import Delay
-from colony.runtime.transport.faults import FaultRates, Faults
+from colony.runtime.transport.faults import FaultRates, LinkFaults
 from colony.runtime.transport.virtual import VirtualClock
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import Disagreement
@@ -104,7 +104,7 @@ class _FaultyRun:
         self.robot.transport.run_until(FRAMES * self._frame_ns)
         self.robot.observer.close()
 
-    def _link(self, seed: int, random: Random) -> Faults:
+    def _link(self, seed: int, random: Random) -> LinkFaults:
         """Return faults that end before the faultless frames, and never affect messages to the observer."""
         scale = random.choice((0.0, 0.3, 1.0, 2.0))
         rates = FaultRates(
@@ -114,7 +114,7 @@ class _FaultyRun:
         def is_exempt(sender: str, receiver: str, message: Message) -> bool:
             return receiver == self.robot.observer.address or self._clock.now_ns >= self._faulty_ns
 
-        return Faults(seed, rates, exempt=is_exempt)
+        return LinkFaults(seed, rates, exempt=is_exempt)
 
     def _record_and_delay(self, sender: str, receiver: str, message: Message) -> Delay:
         self.traffic.record(message)

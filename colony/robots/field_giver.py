@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from colony.robots.request import RunAbortedError
-from colony.robots.scenario import Change
+from colony.robots.scenario import ReadingChange
 from colony.runtime.transport.live.robot_address import Local
 from colony.sim.plant.child import plant_socket
 from colony.sim.plant.control import PlantControl
@@ -31,7 +31,7 @@ class FieldGiver:
     """
 
     def __init__(
-        self, robot_address: Local, changes: tuple[Change, ...], begin_ns: Callable[[], int | None]
+        self, robot_address: Local, changes: tuple[ReadingChange, ...], begin_ns: Callable[[], int | None]
     ) -> None:
         self._robot_address = robot_address
         self._changes = changes

@@ -20,9 +20,8 @@ from colony.ir.types import (
     in_unit,
     is_percent,
 )
-from colony.text.suggestions import did_you_mean
 from colony.text.units import BASE_UNITS, NUMBER, Dimension, UnitError, common_units, parse_unit
-from colony.text.wording import counted, listed, shortened
+from colony.text.wording import counted, did_you_mean, listed, shortened
 
 _QUANTITY = re.compile(r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)\s*(.*)")
 

@@ -33,8 +33,8 @@ from colony.runtime.assembly.processes.jobs import (
 )
 from colony.runtime.assembly.processes.run import RunFailedError, SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
-from colony.runtime.assembly.processes.window import Window
-from colony.runtime.observe.background import Background
+from colony.runtime.assembly.processes.window import RecordingWindow
+from colony.runtime.observe.observer import BackgroundSink
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
 from colony.runtime.protocol.bindings import bind, bound_servers
 from colony.runtime.protocol.deployment import deployment
@@ -85,13 +85,13 @@ class LedRun:
             params="" if compiled.site is None else os.path.abspath(compiled.site.file),
             compiled=compiled,
         )
-        self._window = Window(
+        self._window = RecordingWindow(
             request.length_ns,
             frame_ns=compiled.frame_ns,
             sinks=(
                 self._tally,
                 self._status_tracker,
-                Background(ui.progress(request.length_ns), dispensable=True),
+                BackgroundSink(ui.progress(request.length_ns), dispensable=True),
             ),
         )
         for sink in ui.sinks:
@@ -250,7 +250,11 @@ class LedRun:
     def _lead(self) -> SupervisedRun:
         recorded = self._request.record is not None
         observer = build_observer(
-            self._compiled, self._bindings, (Background(self._window),), self._deployed.run, requests=recorded
+            self._compiled,
+            self._bindings,
+            (BackgroundSink(self._window),),
+            self._deployed.run,
+            requests=recorded,
         )
         servers = dict.fromkeys([CLOCK, DSERVER.name, *(b.server for b in self._bindings.actuators)])
         return SupervisedRun(

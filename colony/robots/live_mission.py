@@ -15,7 +15,7 @@ from contextlib import suppress
 from typing import Any
 
 from colony.nav.maps.building import Building
-from colony.nav.missions.goal_verification import Verdict
+from colony.nav.missions.goal_verification import GoalVerdict
 from colony.nav.plan.plan import Plan
 from colony.nav.shared import ELEVATOR_CALL, FLOOR, FLOOR_REACHED, GOAL_TYPE, GoalKind
 from colony.robots.navigation import (
@@ -30,7 +30,7 @@ from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError, Se
 from colony.runtime.kit.script import Script, do
 from colony.runtime.kit.scripts_live import LiveScripts
 from colony.runtime.library import camera, data, robot
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.vision.level_camera import AHEAD, SIDE
 
 DEVICE_TIMEOUT_S = 10.0
@@ -65,7 +65,7 @@ class LiveMission:
         self._began_s = time.monotonic()
         self.duration_s = 0.0
         self.goal_error_mm, self.floor = math.nan, plan.floors[0]
-        self.verdict = Verdict.UNSEEN
+        self.verdict = GoalVerdict.UNSEEN
 
     @property
     def over(self) -> bool:
@@ -138,7 +138,7 @@ class LiveMission:
                     available.add(name)
         return frozenset(available)
 
-    def _on_verdict(self, verdict: Verdict) -> None:
+    def _on_verdict(self, verdict: GoalVerdict) -> None:
         self.verdict = verdict
 
     def _end(self) -> None:
@@ -159,7 +159,7 @@ def no_operator() -> Script:
     yield from do("DServer", data.set(FLOOR_REACHED, 1))
 
 
-def _retry_until_available(server: Connection, call: Ask[Any]) -> None:
+def _retry_until_available(server: Connection, call: CallRequest[Any]) -> None:
     """Repeat a call until it succeeds: the device may have just been started."""
     deadline = time.monotonic() + DEVICE_TIMEOUT_S
     while True:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from colony.ir.servers import DSERVER, PROXIMITY, RSERVER
-from colony.nav.missions.goal_verification import Verdict
+from colony.nav.missions.goal_verification import GoalVerdict
 from colony.robots.mission_result import Ending, mission_result
 from colony.robots.navigation import (
     CEILING_CAMERA,
@@ -24,7 +24,7 @@ from colony.runtime.servers.drivers import CameraDriver
 from colony.sim.drivers import Plant
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.world.operator import operator
-from colony.sim.world.site import Site
+from colony.sim.world.site import SimulatedSite
 
 _CAMERAS = (CEILING_CAMERA, SIDE_CAMERA, FRONT_CAMERA)
 _SERVERS = (DSERVER.name, RSERVER.name, PROXIMITY, *_CAMERAS)
@@ -37,7 +37,7 @@ class Mission:
 
     def __init__(self, route: Route, request: RunRequest) -> None:
         self._route, self.plan = route, route.plan
-        self.site = Site(
+        self.site = SimulatedSite(
             route.building,
             route.plan.floors,
             Hazards.none() if request.hazards is None else Hazards(),
@@ -46,7 +46,7 @@ class Mission:
             noise_seed=request.seed,
         )
         self._seed = request.seed
-        self._verdict = Verdict.UNSEEN
+        self._verdict = GoalVerdict.UNSEEN
         scripts = {
             **navigation_scripts(
                 route.plan, self.site.building, cameras=frozenset(_CAMERAS), on_verdict=self._on_verdict
@@ -93,5 +93,5 @@ class Mission:
             ),
         )
 
-    def _on_verdict(self, verdict: Verdict) -> None:
+    def _on_verdict(self, verdict: GoalVerdict) -> None:
         self._verdict = verdict

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from colony.nav.missions.goal_verification import Verdict
+from colony.nav.missions.goal_verification import GoalVerdict
 from colony.robots.expected import GOAL_RADIUS_MM
 from colony.robots.request import MissionResult
 from colony.robots.route import Route
 
 _PLATE_TEXTS = {
-    Verdict.UNSEEN: "",
-    Verdict.RIGHT: "; the goal's plate was read",
-    Verdict.WRONG: "; another plate was read at the goal",
+    GoalVerdict.UNSEEN: "",
+    GoalVerdict.RIGHT: "; the goal's plate was read",
+    GoalVerdict.WRONG: "; another plate was read at the goal",
 }
 """Texts about the door plate at the goal."""
 
@@ -37,7 +37,7 @@ class Ending:
     floor: str
     goal_error_mm: float
     source: str = ""
-    verdict: Verdict = Verdict.UNSEEN
+    verdict: GoalVerdict = GoalVerdict.UNSEEN
 
 
 def mission_result(route: Route, ending: Ending) -> MissionResult:

@@ -12,7 +12,7 @@ from colony.nav.missions.goal_verification import plate_at
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.planner import OnSegment, OnVerdict, planner
 from colony.nav.pose.estimate import pose_estimator
-from colony.nav.pose.tracker import EVERY_SOURCE, Source
+from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
 from colony.runtime.kit.script import Script
 from colony.vision.lights.tracker import light_tracker
 
@@ -28,7 +28,7 @@ def navigation_scripts(
     building: Building,
     on_segment: OnSegment | None = None,
     *,
-    sources: frozenset[Source] = EVERY_SOURCE,
+    sources: frozenset[PoseSource] = EVERY_SOURCE,
     cameras: frozenset[str] = frozenset({CEILING_CAMERA}),
     on_verdict: OnVerdict | None = None,
 ) -> Mapping[str, Script]:
@@ -43,7 +43,7 @@ def navigation_scripts(
         cameras: the cameras of the robot.
         on_verdict: callback for the verdict on the goal's plate, if the robot has a camera for plates.
     """
-    has_lights = CEILING_CAMERA in cameras and Source.LIGHTS in sources
+    has_lights = CEILING_CAMERA in cameras and PoseSource.LIGHTS in sources
     goal = building.map_named(plan.segments[-1].end.floor)
     return {
         "clerk": clerk(),

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from colony.execute.compiled import Compiled
-from colony.os_errors import naming
+from colony.files import naming
 from colony.robots.bound_servers import expect_running
 from colony.robots.described import DescribedRobot
 from colony.robots.driver_watch import DriverWatch

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from colony import __version__
-from colony.files import open_exclusive, reason
-from colony.os_errors import limit_advice
+from colony.files import limit_advice, open_exclusive, reason
 from colony.robots.request import MisuseError
 
 if TYPE_CHECKING:

@@ -6,14 +6,14 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from colony.body.devices import Base, Camera, CeilingCamera, Proximity
-from colony.body.model import Body, Server
+from colony.body.devices import BaseSpec, CameraSpec, CeilingCameraSpec, Proximity
+from colony.body.model import Body, ServerTable
 from colony.body.servers import in_declared_units
 from colony.ir.program import DEFAULT_FRAME_NS
 from colony.ir.servers import COMMON_SERVERS, PROXIMITY, RSERVER
 from colony.robots.described import DescribedRobot
 from colony.runtime.assembly.processes.jobs import RobotDevices
-from colony.runtime.assembly.processes.spec import PORT, Hardware
+from colony.runtime.assembly.processes.spec import PORT, HardwareDriver
 from colony.runtime.servers.drivers import BaseLimits
 
 
@@ -22,7 +22,7 @@ def simulated_devices(robot: DescribedRobot) -> RobotDevices:
     body = robot.body
     rings = [s.simulated for s in body.servers.values() if isinstance(s.simulated, Proximity)]
     others = {name for name, server in body.servers.items() if not _is_special(server)}
-    is_base_simulated = any(isinstance(server.simulated, Base) for server in body.servers.values())
+    is_base_simulated = any(isinstance(server.simulated, BaseSpec) for server in body.servers.values())
     return RobotDevices(
         base=_limits(body) if is_base_simulated else None,
         sonars=rings[0].count if rings else None,
@@ -36,9 +36,9 @@ def real_devices(robot: DescribedRobot) -> RobotDevices:
     hardware = {
         name: _hardware(robot, name, server)
         for name, server in body.servers.items()
-        if server.hardware is not None and not isinstance(server.simulated, Camera | CeilingCamera)
+        if server.hardware is not None and not isinstance(server.simulated, CameraSpec | CeilingCameraSpec)
     }
-    bases = {name for name in hardware if isinstance(body.device(name), Base)}
+    bases = {name for name in hardware if isinstance(body.device(name), BaseSpec)}
     common = {spec.name for spec in COMMON_SERVERS}
     return RobotDevices(
         base=_limits(body) if bases else None,
@@ -69,12 +69,12 @@ def mixed_devices(robot: DescribedRobot) -> RobotDevices:
 def served_names(robot: DescribedRobot) -> tuple[str, ...]:
     """Return the servers of a robot's body that can be served without further options: not its cameras."""
     servers = robot.body.servers.items()
-    return tuple(name for name, s in servers if not isinstance(s.simulated, Camera | CeilingCamera))
+    return tuple(name for name, s in servers if not isinstance(s.simulated, CameraSpec | CeilingCameraSpec))
 
 
-def _is_special(server: Server) -> bool:
+def _is_special(server: ServerTable) -> bool:
     """Return True for a server that has a class of its own: of a base, a ring or a camera."""
-    return isinstance(server.simulated, Base | Proximity | Camera | CeilingCamera)
+    return isinstance(server.simulated, BaseSpec | Proximity | CameraSpec | CeilingCameraSpec)
 
 
 def _limits(body: Body) -> BaseLimits:
@@ -89,12 +89,12 @@ def _limits(body: Body) -> BaseLimits:
     )
 
 
-def _hardware(robot: DescribedRobot, name: str, server: Server) -> Hardware:
+def _hardware(robot: DescribedRobot, name: str, server: ServerTable) -> HardwareDriver:
     """Return the driver of a server, whose module is searched beside the body and in the current folder."""
     assert server.hardware is not None
     folders = [] if robot.path is None else [str(Path(robot.path).resolve().parent)]
     where = "" if robot.path is None else f"{robot.path}: "
-    return Hardware(
+    return HardwareDriver(
         driver=server.hardware.driver,
         options=dict(server.hardware.options),
         process=server.hardware.process,

@@ -11,13 +11,15 @@ from colony.sim.cameras.camera import Camera, CameraConfig
 from colony.sim.cameras.scene import scene_of
 from colony.sim.drivers import Plant, SimulatedCamera
 from colony.sim.shots import CeilingShot, LevelShot
-from colony.sim.world.site import Site
+from colony.sim.world.site import SimulatedSite
 from colony.vision.level_camera import AHEAD, SIDE
 
 _LEVEL_CAMERAS = {SIDE_CAMERA: SIDE, FRONT_CAMERA: AHEAD}
 
 
-def run_cameras(plant: Plant, site: Site, names: Iterable[str], *, seed: int) -> dict[str, CameraDriver]:
+def run_cameras(
+    plant: Plant, site: SimulatedSite, names: Iterable[str], *, seed: int
+) -> dict[str, CameraDriver]:
     """Return the cameras with these names; a robot has one that looks up, one to the left, and one ahead.
 
     Args:
@@ -32,14 +34,14 @@ def run_cameras(plant: Plant, site: Site, names: Iterable[str], *, seed: int) ->
     return {name: SimulatedCamera(plant, _shutter(site, name, seed)) for name in sorted(names)}
 
 
-def _shutter(site: Site, name: str, seed: int) -> Callable[[int], Shot]:
+def _shutter(site: SimulatedSite, name: str, seed: int) -> Callable[[int], Shot]:
     if name == CEILING_CAMERA:
         return lambda now_ns: CeilingShot(site.ceiling(), site.world, 0, now_ns)
     camera = _level_camera(site, name, seed)
     return lambda now_ns: LevelShot(camera(), site.world, 0, now_ns)
 
 
-def _level_camera(site: Site, name: str, seed: int) -> Callable[[], Camera]:
+def _level_camera(site: SimulatedSite, name: str, seed: int) -> Callable[[], Camera]:
     """Return a function that returns the camera of the robot's current floor."""
     if name not in _LEVEL_CAMERAS:
         raise ValueError(

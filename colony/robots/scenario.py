@@ -24,7 +24,7 @@ from colony.ir.types import Value
 from colony.robots.given_values import GivenValueError, parse_number, parse_value, sensor_named
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data
-from colony.sim.given import GivenTimeline, GivenValue
+from colony.sim.mechanism import GivenTimeline, GivenValue
 from colony.text.units import TIME, nanoseconds
 from colony.text.wording import shortened
 
@@ -47,7 +47,7 @@ class ScenarioError(ValueError):
     """A scenario cannot be read; the message is one line that begins with the file."""
 
 
-class Change(NamedTuple):
+class ReadingChange(NamedTuple):
     """What a sensor reads from a time on, in its declared unit; None for nothing."""
 
     t_ns: int
@@ -65,7 +65,7 @@ class Change(NamedTuple):
 class Scenario:
     """What sensors read over time, from changes in any order; the last one of a time counts."""
 
-    def __init__(self, changes: Iterable[Change] = ()) -> None:
+    def __init__(self, changes: Iterable[ReadingChange] = ()) -> None:
         self.changes = tuple(sorted(changes, key=lambda change: change.t_ns))
         self._timeline = GivenTimeline()
         for change in self.changes:
@@ -80,17 +80,17 @@ class Scenario:
         return self._timeline.value_at(server, field, t_ns)
 
     @property
-    def variables(self) -> tuple[Change, ...]:
+    def variables(self) -> tuple[ReadingChange, ...]:
         """The changes of DServer's variables."""
         return tuple(change for change in self.changes if change.sensor.server == DSERVER.name)
 
     @property
-    def fields(self) -> tuple[Change, ...]:
+    def fields(self) -> tuple[ReadingChange, ...]:
         """The changes of what devices read."""
         return tuple(change for change in self.changes if change.sensor.server != DSERVER.name)
 
 
-def setting(robot: Robot, text: str) -> Change:
+def setting(robot: Robot, text: str) -> ReadingChange:
     """Return what the text `NAME=VALUE` of `--set` says, from the start on.
 
     Raises:
@@ -111,7 +111,7 @@ def read_scenario(path: str, robot: Robot) -> Scenario:
     except (OSError, UnicodeDecodeError) as problem:
         why = reason(problem) if isinstance(problem, OSError) else "it is not UTF-8"
         raise ScenarioError(f"{path}: error: cannot read the scenario: {why}") from None
-    changes: list[Change] = []
+    changes: list[ReadingChange] = []
     given: dict[tuple[int, str, str], int] = {}  # the line of the value at a time of a field
     for number, line in enumerate(text.splitlines(), 1):
         try:
@@ -137,7 +137,7 @@ def expect_givable(name: str, server: str) -> None:
         raise GivenValueError(f"`{name}` cannot be given: {_SIMULATED[server]}")
 
 
-def _changes(line: str, robot: Robot) -> Iterator[Change]:
+def _changes(line: str, robot: Robot) -> Iterator[ReadingChange]:
     if not line:
         return
     parts = _LINE.fullmatch(line)
@@ -149,7 +149,7 @@ def _changes(line: str, robot: Robot) -> Iterator[Change]:
         yield _change(robot, nanoseconds(seconds), text)
 
 
-def _change(robot: Robot, t_ns: int, text: str) -> Change:
+def _change(robot: Robot, t_ns: int, text: str) -> ReadingChange:
     text = text.strip()
     name, equals, value = (part.strip() for part in text.partition("="))
     if not (name and equals):
@@ -157,13 +157,13 @@ def _change(robot: Robot, t_ns: int, text: str) -> Change:
     sensor = sensor_named(robot, name)
     expect_givable(name, sensor.server)
     try:
-        return Change(t_ns, sensor, None if value == "missing" else parse_value(sensor, value))
+        return ReadingChange(t_ns, sensor, None if value == "missing" else parse_value(sensor, value))
     except GivenValueError as problem:
         raise GivenValueError(f"{name}: {problem}") from None
 
 
 def player(
-    changes: tuple[Change, ...],
+    changes: tuple[ReadingChange, ...],
     begin_ns: Callable[[], int | None] = lambda: 0,
     held: Mapping[str, Value] | None = None,
 ) -> Script:

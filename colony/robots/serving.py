@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from colony.execute.compiled import Compiled
-from colony.os_errors import NO_ROOM
-from colony.os_errors import describe as describe_error
+from colony.files import NO_ROOM
+from colony.files import describe as describe_error
 from colony.robots.described import DescribedRobot
 from colony.robots.driver_watch import DriverWatch
 from colony.robots.request import MisuseError, RunAbortedError
@@ -29,7 +29,6 @@ from colony.robots.simulated import (
 from colony.runtime.assembly.limits import LIMITS, limit_deployment
 from colony.runtime.assembly.processes import child
 from colony.runtime.assembly.processes.children import Children, Death, Job, describe
-from colony.runtime.assembly.processes.driver_factory import DriverError
 from colony.runtime.assembly.processes.jobs import (
     SERVERS,
     Layout,
@@ -44,6 +43,7 @@ from colony.runtime.assembly.processes.jobs import (
 from colony.runtime.assembly.processes.run import HEALTH_CHECK_INTERVAL_S, SHUTDOWN_GRACE_S
 from colony.runtime.assembly.processes.shutdown import Shutdown, on_signals
 from colony.runtime.assembly.processes.spec import (
+    DriverError,
     GatewayPart,
     LimitsPart,
     Part,
@@ -170,7 +170,7 @@ def serve_all(
             started.
         RunAbortedError: a process died and will not be restarted, unless it has the driver of a real device.
     """
-    from colony.runtime.transport.live.endpoint import parse_endpoint
+    from colony.runtime.transport.live.configuration import parse_endpoint
     from colony.runtime.transport.live.security import read_security
 
     if settings.map_path is not None:

@@ -16,10 +16,9 @@ from colony.robots.driver_watch import DriverWatch
 from colony.robots.in_thread import in_thread
 from colony.robots.recording import LiveRun, RunRecording, new_run_name, recording_into
 from colony.robots.request import RunAbortedError, RunReport, RunRequest, UserInterface
-from colony.runtime.assembly.processes.clock_watch import WindowWatch
 from colony.runtime.assembly.processes.restarted_script import RestartedScript
 from colony.runtime.assembly.processes.run import HEALTH_CHECK_INTERVAL_S, START_TIMEOUT_S
-from colony.runtime.assembly.processes.window import Window
+from colony.runtime.assembly.processes.window import RecordingWindow, WindowWatch
 from colony.runtime.assembly.shadow import Shadow
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import RobotConnectionError
@@ -69,7 +68,7 @@ def run_shadow(
     _expect_accepted(robot_address, deployed)
     tally = Tally(compiled)
     recording: RunRecording | None = None
-    window = Window(
+    window = RecordingWindow(
         request.length_ns, frame_ns=compiled.frame_ns, sinks=(tally, ui.progress(request.length_ns))
     )
     drivers = DriverWatch(robot_address, servers, ui.report)
@@ -158,7 +157,7 @@ def _expect_accepted(robot_address: RobotAddress, deployed: Deployment) -> None:
 
 @contextmanager
 def _joined(
-    robot_address: RobotAddress, shadow: Shadow, window: Window, ui: UserInterface
+    robot_address: RobotAddress, shadow: Shadow, window: RecordingWindow, ui: UserInterface
 ) -> Iterator[tuple[Host, list[BaseException]]]:
     """Run the node in a thread inside the `with`; the list gets the exception that ended it."""
     with Host.open(robot_address, (shadow,), announces=False, report=ui.report) as host:
@@ -183,7 +182,7 @@ def _follow(
     host: Host,
     robot_address: RobotAddress,
     deployed: Deployment,
-    window: Window,
+    window: RecordingWindow,
     ui: UserInterface,
     stop: Callable[[], bool],
     failed: list[BaseException],

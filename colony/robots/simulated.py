@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 
 from colony.body.model import Body, radius_mm
 from colony.execute.compiled import Compiled
+from colony.files import describe
 from colony.ir.servers import ServerSpec
 from colony.ir.types import Value
-from colony.os_errors import describe
 from colony.robots.described import DescribedRobot
 from colony.robots.driven_path import DrivenPath, PeoplePaths
 from colony.robots.request import MisuseError, RunAbortedError

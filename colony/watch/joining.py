@@ -31,8 +31,8 @@ from colony.runtime.library.leader import LEADER, RunProgram, run_keyframe, run_
 from colony.runtime.observe.observer import Observer
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.messages import Effect, Message
-from colony.runtime.recordings.keyframes import read_keyframe
-from colony.runtime.recordings.site import read_site
+from colony.runtime.recordings.json_text import read_keyframe
+from colony.runtime.recordings.replay import read_site
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.watch.sources import LiveSource

@@ -11,9 +11,9 @@ from colony.robots.navigation import CEILING_CAMERA
 from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
+from colony.vision.detections import PERIOD_S
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.observing import CeilingObservation, ceiling_observer, ensure_period
-from colony.vision.periods import PERIOD_S
 from studies.lights.detection import LightDetectionMonitor
 from studies.lights.results import LightResult
 from studies.runs import Run, RunSpec

@@ -12,7 +12,7 @@ from dataclasses import replace
 from colony.nav.maps.signs import plates_of
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
-from colony.nav.pose.tracker import Source
+from colony.nav.pose.tracker import PoseSource
 from colony.robots.navigation import SIDE_CAMERA
 from colony.runtime.kit.script import Script
 from colony.vision.plates.finder import plate_finder
@@ -34,7 +34,9 @@ class PlateRun:
     """
 
     def __init__(self, spec: RunSpec) -> None:
-        run_spec = replace(spec, sources=spec.sources - {Source.PLATES}, cameras=spec.cameras | {SIDE_CAMERA})
+        run_spec = replace(
+            spec, sources=spec.sources - {PoseSource.PLATES}, cameras=spec.cameras | {SIDE_CAMERA}
+        )
         self.found_plates: Mapping[Finder, list[FoundPlate]] = {finder: [] for finder in FINDERS}
         self.run = Run(run_spec, extra_scripts=self._finders(run_spec))
         self.floor = self.run.building.maps[0]

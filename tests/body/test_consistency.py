@@ -17,7 +17,7 @@ from colony.runtime.assembly.sharing import SHARED
 from colony.runtime.library.leader import LEADER
 from colony.runtime.protocol.topics import CLOCK, OBSERVER
 from colony.runtime.transport.live.configuration import GATEWAY
-from colony.runtime.transport.live.names import MAX_NAME_LENGTH
+from colony.runtime.transport.live.run_directory import MAX_NAME_LENGTH
 from colony.sim.plant.child import SIMULATOR
 from tests.body.test_disagreements import DEVICES_BODY
 from tests.body.test_reader import LIDAR, SMALL, body_of, problems

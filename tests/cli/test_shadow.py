@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from colony.drivers.create2.codec import Mode
-from colony.drivers.create2.firmware import Firmware, World
+from colony.drivers.create2.codec import OiMode
+from colony.drivers.create2.firmware import Create2Firmware, EmulatedWorld
 from colony.drivers.emulator import Emulator, room
 from colony.runtime.kit.connection import Session
 from tests.cli.conftest import Colony, server_states
@@ -36,11 +36,11 @@ def audited(colony: Colony, recording: Path) -> dict[str, object]:
 
 @pytest.mark.long
 def test_a_create_never_moves(machine: Machine, colony: Colony) -> None:
-    robot = Firmware(World(range=room(6000.0, 6000.0)))
+    robot = Create2Firmware(EmulatedWorld(range=room(6000.0, 6000.0)))
     with closing(Emulator(robot, baud=115_200)) as emulator:
         emulator.start()
         served = machine.start("serve", "all", "--robot", "create2", "--port", emulator.port)
-        until(lambda: robot.mode == Mode.SAFE or failed(served), "the robot is ready")
+        until(lambda: robot.mode == OiMode.SAFE or failed(served), "the robot is ready")
         shadow = machine.start("run", BOUNCE, "--shadow", "--robot", "create2", "--record", "shadow.mcap")
         until(lambda: "by cruise" in shadow.err or failed(served, shadow), "it would drive")
         shown = lines(shadow)

@@ -97,19 +97,19 @@ def pioneer_at(baud: int) -> Base:
     return Base(
         robot="pioneer",
         baud=baud,
-        make=lambda: pioneer_firmware.Firmware(MODELS["p3dx-sh"]),
+        make=lambda: pioneer_firmware.PioneerFirmware(MODELS["p3dx-sh"]),
         velocity=lambda points: points[0],
         command_bytes=len(pioneer.Pioneer().drive(50.0, 0.0)),
         period_s=0.1,
         watchdog_s=2.0,
-        stops_itself=lambda robot: isinstance(robot, pioneer_firmware.Firmware) and robot.is_timed_out,
+        stops_itself=lambda robot: isinstance(robot, pioneer_firmware.PioneerFirmware) and robot.is_timed_out,
     )
 
 
 CREATE2 = Base(
     robot="create2",
     baud=create2.Create2.baud,
-    make=create2_firmware.Firmware,
+    make=create2_firmware.Create2Firmware,
     velocity=sum,
     command_bytes=len(create2.Create2().drive(50.0, 0.0)),
     period_s=create2_firmware.STREAM_S,

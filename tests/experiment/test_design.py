@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.experiment.design import Experiment, Range, range_of
-from colony.experiment.programs import ProgramChoice
+from colony.experiment.design import Experiment, ProgramChoice, SweptRange, range_of
 from colony.nav.maps.world_map import load_world
 from colony.robots.request import RunRequest
 from tests.paths import MAPS
@@ -23,8 +22,8 @@ PLAIN = Experiment(
     request=REQUEST,
     runs=4,
     varies_start=True,
-    movers=Range(0, 5, "", True),
-    params=(("clearance", Range(0.6, 1.4, "m", False)),),
+    movers=SweptRange(0, 5, "", True),
+    params=(("clearance", SweptRange(0.6, 1.4, "m", False)),),
     audit=0.5,
     digest="",
 )
@@ -33,15 +32,15 @@ PLAIN = Experiment(
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("0.6..1.4m", Range(0.6, 1.4, "m", False)),
-        ("600 mm .. 700 mm", Range(600, 700, "mm", False)),
-        ("0..5", Range(0, 5, "", True)),
-        ("0.0..5", Range(0, 5, "", False)),
-        ("-1e-3..2.5deg/s", Range(-0.001, 2.5, "deg/s", False)),
-        ("-30deg..30deg", Range(-30, 30, "deg", False)),
+        ("0.6..1.4m", SweptRange(0.6, 1.4, "m", False)),
+        ("600 mm .. 700 mm", SweptRange(600, 700, "mm", False)),
+        ("0..5", SweptRange(0, 5, "", True)),
+        ("0.0..5", SweptRange(0, 5, "", False)),
+        ("-1e-3..2.5deg/s", SweptRange(-0.001, 2.5, "deg/s", False)),
+        ("-30deg..30deg", SweptRange(-30, 30, "deg", False)),
     ],
 )
-def test_range_text_is_read(text: str, expected: Range) -> None:
+def test_range_text_is_read(text: str, expected: SweptRange) -> None:
     assert range_of(text) == expected
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.experiment.programs import ProgramChoice, compiled_of, sources_digest
+from colony.experiment.design import ProgramChoice, compiled_of, sources_digest
 from colony.robots.request import MisuseError
 
 BEHAVIOR = """

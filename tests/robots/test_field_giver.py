@@ -12,7 +12,7 @@ from colony.ir.program import Sensor
 from colony.ir.types import BOOL
 from colony.robots.field_giver import FieldGiver
 from colony.robots.request import RunAbortedError
-from colony.robots.scenario import Change
+from colony.robots.scenario import ReadingChange
 from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import RobotDirectory
 from colony.sim.plant.child import plant_socket
@@ -22,7 +22,7 @@ from tests.sim.plant.plants import START, PlantProcess, wait_for
 
 S = 1_000_000_000
 ESTOP = Sensor(name="estop", type=BOOL, factor=1.0, server="Panel", field="estop")
-PRESSED_THEN_RELEASED = (Change(0, ESTOP, True), Change(3600 * S, ESTOP, False))
+PRESSED_THEN_RELEASED = (ReadingChange(0, ESTOP, True), ReadingChange(3600 * S, ESTOP, False))
 
 
 @pytest.fixture
@@ -67,7 +67,7 @@ def test_what_is_given_at_0_holds_until_the_run_has_begun_and_times_count_from_t
 
 def test_what_the_plant_refuses_ends_the_run(address: Local, plant: PlantProcess) -> None:
     stop = Sensor(name="stop", type=BOOL, factor=1.0, server="Panel", field="stop")
-    with closing(FieldGiver(address, (Change(0, stop, True),), lambda: None)) as giver:
+    with closing(FieldGiver(address, (ReadingChange(0, stop, True),), lambda: None)) as giver:
         expected = "`stop` cannot be given: Panel has no field `stop`; it has estop"
         with pytest.raises(RunAbortedError, match=expected):
             giver.poll()

@@ -15,7 +15,7 @@ from colony.analysis.audit import audit
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_file
 from colony.execute.compiled import Compiled
-from colony.ir.given import given_in_frame
+from colony.ir.frame import given_in_frame
 from colony.ir.program import Program
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.frames.run_frame import RunFrame

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.nav.missions.goal_verification import Verdict
+from colony.nav.missions.goal_verification import GoalVerdict
 from colony.nav.plan.route import plan
 from colony.robots.mission_result import Ending, mission_result
 from colony.robots.route import Route
@@ -22,7 +22,7 @@ LOST = "RServer does not answer"
     [
         (THERE, True, "arrived after 60.0 s, 0.12 m from the goal; 2.2 m, 2.2 m/min"),
         (
-            replace(THERE, verdict=Verdict.WRONG, source="its odometry"),
+            replace(THERE, verdict=GoalVerdict.WRONG, source="its odometry"),
             True,
             "arrived after 60.0 s, 0.12 m from the goal by its odometry; 2.2 m, 2.2 m/min; "
             "another plate was read at the goal",

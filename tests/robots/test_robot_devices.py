@@ -15,7 +15,7 @@ from colony.runtime.assembly.processes.spec import (
     Device,
     DevicePart,
     GroupPart,
-    Hardware,
+    HardwareDriver,
     RServerPart,
     name_of,
     read_spec,
@@ -76,8 +76,8 @@ def test_a_base_with_a_driver_alone_has_no_values_in_the_simulator(tmp_path: Pat
 
 
 def test_the_servers_of_one_line_or_of_a_named_process_share_it(tmp_path: Path) -> None:
-    def hardware(module: str, process: str | None = None, **options: str) -> Hardware:
-        return Hardware(driver=f"{module}:make", process=process, options=dict(options))
+    def hardware(module: str, process: str | None = None, **options: str) -> HardwareDriver:
+        return HardwareDriver(driver=f"{module}:make", process=process, options=dict(options))
 
     drivers = {
         "RServer": hardware("rover", port="/dev/a"),

@@ -11,7 +11,7 @@ from colony.ir.program import Robot, Sensor
 from colony.ir.servers import FieldSpec
 from colony.ir.types import BOOL, DISTANCE, Array, Quantity, Value
 from colony.robots.given_values import described_sensor
-from colony.robots.scenario import Change, Scenario, ScenarioError, player, read_scenario, setting
+from colony.robots.scenario import ReadingChange, Scenario, ScenarioError, player, read_scenario, setting
 from colony.runtime.kit.script import Do, Sleep
 
 S = 1_000_000_000
@@ -132,12 +132,12 @@ def test_changes_of_devices_are_in_base_units(tmp_path: Path) -> None:
         (S // 2, "scan", (1000.0, 250.0)),
         *((t * S, "estop", pressed) for t, pressed in ((12, True), (15, False), (20, True))),
     ]
-    assert Change(0, ESTOP, None).given == "missing"
+    assert ReadingChange(0, ESTOP, None).given == "missing"
 
 
 def test_time_stands_at_0_until_the_run_begins() -> None:
     begin_ns: list[int] = []
-    changes = (Change(0, POSE, 1.0), Change(S // 10, POSE, 2.0))
+    changes = (ReadingChange(0, POSE, 1.0), ReadingChange(S // 10, POSE, 2.0))
     script = player(changes, lambda: begin_ns[0] if begin_ns else None, {"Other": 3.0})
     now, step, done = 0, next(script), list[dict[str, float]]()
     while len(done) < 6:
@@ -154,7 +154,7 @@ def test_time_stands_at_0_until_the_run_begins() -> None:
 
 
 def test_variables_are_set_again_and_again_and_deleted_in_the_end() -> None:
-    script = player((Change(S, POSE, 2.0), Change(2 * S, POSE, None)), lambda: 5 * S)
+    script = player((ReadingChange(S, POSE, 2.0), ReadingChange(2 * S, POSE, None)), lambda: 5 * S)
     now, done, step = 5 * S, list[tuple[float, str]](), next(script)
     while now < 8 * S:
         match step:

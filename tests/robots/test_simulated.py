@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.body.model import Field, Hardware
+from colony.body.model import FieldTable, HardwareTable
 from colony.body.servers import servers_of
 from colony.body.shipped import shipped_body
 from colony.ir.program import Robot, Sensor
@@ -138,7 +138,9 @@ def test_a_plant_has_the_fields_of_the_interface_and_no_device_that_is_real(
     robot_address: Local, hardware: bool
 ) -> None:
     body = shipped_body("amr")
-    panel = replace(body.servers["Panel"], fields={"key": Field()}, hardware=Hardware(driver="lab:Panel"))
+    panel = replace(
+        body.servers["Panel"], fields={"key": FieldTable()}, hardware=HardwareTable(driver="lab:Panel")
+    )
     body = replace(body, servers={**body.servers, "Panel": panel})
     key = Sensor(name="key", type=BOOL, factor=1.0, server="Panel", field="key")
     interface = Robot(name="amr", sensors=(key,))

@@ -12,7 +12,7 @@ import pytest
 from colony.experiment.parallel import PoolEngine, SerialEngine
 from colony.experiment.results import Results, RunKey
 from colony.ir.frame import Decision, Frame, Outcome
-from colony.nav.pose.tracker import EVERY_SOURCE, Source
+from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
 from colony.robots.behavior import behavior_of
 from colony.robots.navigation import SIDE_CAMERA
 from colony.runtime.kit.script import Script, do, sleep
@@ -254,7 +254,9 @@ def test_an_audit_of_an_experiment_is_of_one_run_at_least() -> None:
 def test_all_hazards_off_has_a_short_name() -> None:
     assert replace(_experiment(), hazards=Hazards.none()).label == "ours/no-hazards"
     assert replace(_experiment(), hazards=Hazards()).label == "ours"
-    seeing = replace(_experiment(), sources=EVERY_SOURCE - {Source.LIGHTS}, cameras=frozenset({SIDE_CAMERA}))
+    seeing = replace(
+        _experiment(), sources=EVERY_SOURCE - {PoseSource.LIGHTS}, cameras=frozenset({SIDE_CAMERA})
+    )
     assert seeing.label == "ours/no-people,no-lights,side-camera"
     assert {spec.key.variant for spec in seeing.specs()} == {seeing.label}
     assert all((spec.sources, spec.cameras) == (seeing.sources, seeing.cameras) for spec in seeing.specs())

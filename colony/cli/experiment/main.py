@@ -20,19 +20,17 @@ from colony.cli.experiment.options import (
     results_option,
     workers_option,
 )
-from colony.cli.outputs import check_output, write_whole
+from colony.cli.outputs import BEHAVIOR, MAX_MOVERS, check_output, map_option, start_option, write_whole
 from colony.cli.params_choice import chosen_params, params_option
 from colony.cli.reporting import say
 from colony.cli.robot_choice import chosen_robot, description_option
 from colony.cli.run.options import DURATION, OptionError, duration_ns, held, scenario_of, start_pose
-from colony.cli.shipped_files import BEHAVIOR, MAX_MOVERS, map_option, start_option
 from colony.extras import expect_extras
 from colony.robots.request import MisuseError, RunRequest
 
 if TYPE_CHECKING:
-    from colony.experiment.design import Experiment, Range, Trial
+    from colony.experiment.design import Experiment, ProgramChoice, SweptRange, Trial
     from colony.experiment.parallel import Engine
-    from colony.experiment.programs import ProgramChoice
     from colony.experiment.trial import TrialResult
     from colony.ir.program import Robot
     from colony.nav.maps.world_map import WorldMap
@@ -166,7 +164,7 @@ def command(
         with announcing_compilation(say):
             import_module("colony.experiment.trial")  # with the simulator
         from colony.body.model import radius_mm
-        from colony.experiment.programs import compiled_of
+        from colony.experiment.design import compiled_of
 
         radius = radius_mm(compiled_of(experiment.programs[0]).described.body)
         if replay is not None:
@@ -217,9 +215,8 @@ def _floor(path: str | None) -> WorldMap:
 
 def _experiment(options: dict[str, Any], floor: WorldMap) -> Experiment:
     """Return the requested experiment; its behaviors compile, also with both ends of the ranges of params."""
-    from colony.experiment.design import Experiment
-    from colony.experiment.digest import digest_of
-    from colony.experiment.programs import compiled_of, sources_digest
+    from colony.experiment.design import Experiment, compiled_of, sources_digest
+    from colony.experiment.results import digest_of
 
     _expect_one_start(options)
     programs, params = _programs(options), _params(options["ranges"])
@@ -259,7 +256,7 @@ def _expect_one_start(options: dict[str, Any]) -> None:
 
 
 def _programs(options: dict[str, Any]) -> tuple[ProgramChoice, ...]:
-    from colony.experiment.programs import ProgramChoice
+    from colony.experiment.design import ProgramChoice
 
     files = [options["file"], *([options["versus"]] if options["versus"] is not None else [])]
     if len(set(files)) < len(files):
@@ -272,10 +269,10 @@ def _programs(options: dict[str, Any]) -> tuple[ProgramChoice, ...]:
     )
 
 
-def _params(texts: Sequence[str]) -> tuple[tuple[str, Range], ...]:
+def _params(texts: Sequence[str]) -> tuple[tuple[str, SweptRange], ...]:
     from colony.experiment.design import range_of
 
-    ranges: dict[str, Range] = {}
+    ranges: dict[str, SweptRange] = {}
     for text in texts:
         name, equals, values = text.partition("=")
         if not (name and equals) or name in ranges:
@@ -287,7 +284,7 @@ def _params(texts: Sequence[str]) -> tuple[tuple[str, Range], ...]:
     return tuple(ranges.items())
 
 
-def _movers(text: str) -> int | Range:
+def _movers(text: str) -> int | SweptRange:
     from colony.experiment.design import range_of
 
     with suppress(ValueError):
@@ -301,7 +298,7 @@ def _movers(text: str) -> int | Range:
     raise OptionError(f"--movers: found `{text}`; expected a number up to {MAX_MOVERS}, or two: 0..5")
 
 
-def _request(robot: Robot, options: dict[str, Any], movers: int | Range) -> RunRequest:
+def _request(robot: Robot, options: dict[str, Any], movers: int | SweptRange) -> RunRequest:
     pinned, given = held(robot, options["settings"])
     duration = options["duration"] or (None if options["goal"] is not None else DURATION)
     return RunRequest(

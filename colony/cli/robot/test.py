@@ -13,11 +13,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED
-from colony.cli.outputs import check_output
+from colony.cli.outputs import BEHAVIOR, check_output, map_option
 from colony.cli.reporting import say
 from colony.cli.robot_choice import chosen_robot, robot_and_description_argument
 from colony.cli.robot_options import reporting_connection_errors
-from colony.cli.shipped_files import BEHAVIOR, map_option
 from colony.extras import expect_extras
 from colony.shipped import Shipped
 

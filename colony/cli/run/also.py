@@ -85,7 +85,7 @@ def _other_robot(text: str, taken: set[str]) -> OtherRobot:
 
 
 def _free_name(name: str, taken: set[str], *, is_given: bool) -> str:
-    from colony.runtime.transport.live.names import check_name
+    from colony.runtime.transport.live.run_directory import check_name
 
     if is_given:
         try:

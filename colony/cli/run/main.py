@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
+from colony.cli.outputs import BEHAVIOR, map_option, movers_option, start_option
 from colony.cli.params_choice import params_option
 from colony.cli.reporting import refuse, report, say
 from colony.cli.robot_choice import robot_and_description_option, say_whose_name
@@ -27,7 +28,6 @@ from colony.cli.robot_options import (
 from colony.cli.run.also import also_option, other_robots
 from colony.cli.run.interface import user_interface
 from colony.cli.run.options import DURATION, OptionError, Options, objection, request_of
-from colony.cli.shipped_files import BEHAVIOR, map_option, movers_option, start_option
 from colony.extras import expect_extras
 from colony.robots.request import MisuseError, RunAbortedError
 

@@ -13,7 +13,7 @@ from colony.ir.servers import DSERVER
 from colony.ir.types import Value
 from colony.robots.given_values import GivenValueError, UnknownSensorError, parse_number
 from colony.robots.request import MisuseError, PhysicsName, RunRequest
-from colony.robots.scenario import Change, Scenario, ScenarioError, read_scenario, setting
+from colony.robots.scenario import ReadingChange, Scenario, ScenarioError, read_scenario, setting
 from colony.text.units import ANGLE, LENGTH, TIME, nanoseconds
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ def request_of(robot: Robot, options: Options) -> RunRequest:
     )
 
 
-def scenario_of(robot: Robot, path: str | None, given: Iterable[Change] = ()) -> Scenario:
+def scenario_of(robot: Robot, path: str | None, given: Iterable[ReadingChange] = ()) -> Scenario:
     """Return the scenario in a file, if there is one, after other changes.
 
     Raises:
@@ -106,14 +106,14 @@ def scenario_of(robot: Robot, path: str | None, given: Iterable[Change] = ()) ->
     return Scenario((*given, *changes))
 
 
-def held(robot: Robot, settings: tuple[str, ...]) -> tuple[dict[str, Value], list[Change]]:
+def held(robot: Robot, settings: tuple[str, ...]) -> tuple[dict[str, Value], list[ReadingChange]]:
     """Return what the texts of `--set` hold: DServer's variables, in declared units, and other fields.
 
     Raises:
         OptionError: a text is not of the form `NAME=VALUE`, or the program reads no such value.
     """
     variables: dict[str, Value] = {}
-    others: list[Change] = []
+    others: list[ReadingChange] = []
     for text in settings:
         try:
             change = setting(robot, text)

@@ -26,7 +26,7 @@ def shown_in_browser(compiled: Compiled, map_path: str | None, robot: str | None
     from colony.analysis.recording import unpacked_program
     from colony.watch.sources import STORE_BYTES, LiveSource
     from colony.watch.store import SnapshotStore
-    from colony.watch.trail import Trail
+    from colony.watch.trail import RunTrail
     from colony.watch.watched import Watched
 
     with ExitStack() as resources:
@@ -34,7 +34,7 @@ def shown_in_browser(compiled: Compiled, map_path: str | None, robot: str | None
             unpacked_program(compiled.root, compiled.sources, compiled.site, compiled.name)
         )
         scene = scene_for(program, compiled.root, map_path, robot)
-        store, trail = SnapshotStore(scene.modules, max_bytes=STORE_BYTES), Trail(program)
+        store, trail = SnapshotStore(scene.modules, max_bytes=STORE_BYTES), RunTrail(program)
         resources.callback(store.close)
         source = LiveSource(program, store, trail)
         resources.callback(source.close)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def _operator(building: Building) -> Script:
     """Return a script that asks the user at the terminal to press elevator buttons."""
     from colony.cli.terminal import Terminal
-    from colony.nav.missions.elevator_prompt import elevator_prompt
+    from colony.nav.missions.elevator_calls import elevator_prompt
 
     return elevator_prompt(building, Terminal(sys.__stdin__), say=say)
 

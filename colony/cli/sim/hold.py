@@ -16,7 +16,7 @@ from colony.cli.robot_options import reporting_connection_errors, robot_option
 
 if TYPE_CHECKING:
     from colony.ir.program import Sensor
-    from colony.robots.scenario import Change
+    from colony.robots.scenario import ReadingChange
     from colony.runtime.kit.connection import Session
 
 POLL_INTERVAL_S = 0.05
@@ -96,7 +96,7 @@ def _simulated(robot: str | None) -> str:
     return names[0] if robot is None else robot
 
 
-def _changes(name: str, session: Session, settings: tuple[str, ...]) -> tuple[Change, ...]:
+def _changes(name: str, session: Session, settings: tuple[str, ...]) -> tuple[ReadingChange, ...]:
     """Return what the texts `SERVER.FIELD=VALUE` say, for the fields that the servers describe.
 
     Raises:

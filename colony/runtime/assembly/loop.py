@@ -25,17 +25,17 @@ from colony.runtime.kit.devices import DeviceReader, device_commands
 from colony.runtime.kit.once import Report
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import LocalScripts, LocalServer
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.calls import CallId
 from colony.runtime.protocol.deployment import actuator_spec, variables_read
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.base import Base
-from colony.runtime.servers.base_actuator import speeds_of, values_of
 from colony.runtime.servers.commanding import NotSentError
-from colony.runtime.servers.cserver import Camera
+from colony.runtime.servers.cserver import SharedCamera
 from colony.runtime.servers.data_methods import DataMethods, set_commanded_variable
 from colony.runtime.servers.drivers import CameraDriver, Drivers
+from colony.runtime.servers.piloting import speeds_of, values_of
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.runtime_server import random_of_frame
 from colony.runtime.servers.semaphores import Semaphores
@@ -87,11 +87,11 @@ class LocalCamera(LocalServer):
     """A camera server, called in this process. Mutable."""
 
     def __init__(self, address: str, driver: CameraDriver) -> None:
-        camera = Camera(address, driver)
+        camera = SharedCamera(address, driver)
         self.poll = camera.poll
         super().__init__(address, camera.methods, camera.answers)
 
-    def do(self, call_id: CallId, ask: Ask[Any], now_ns: int) -> Any:
+    def do(self, call_id: CallId, ask: CallRequest[Any], now_ns: int) -> Any:
         """Return the result of a call; a lock that it released takes effect at once."""
         result = super().do(call_id, ask, now_ns)
         self.poll(now_ns)

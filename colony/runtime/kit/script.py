@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any, NamedTuple, TypeVar
 
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 
 T = TypeVar("T")
 
@@ -28,7 +28,7 @@ class Do(NamedTuple):
     """A step: make a call to a server. Its answer is the result of the call."""
 
     server: str
-    call: Ask[Any]
+    call: CallRequest[Any]
 
 
 class Sleep(NamedTuple):
@@ -42,7 +42,7 @@ Script = Generator[Step, Any, None]
 """A client. It ends when the generator does; to end it from outside, close the generator."""
 
 
-def do(server: str, call: Ask[T]) -> Generator[Step, Any, T]:
+def do(server: str, call: CallRequest[T]) -> Generator[Step, Any, T]:
     """Make a call to a server, and wait for the result.
 
     Raises:

@@ -18,7 +18,7 @@ import msgspec
 
 from colony.runtime.kit.errors import CallRefusedError, ServerNotFoundError
 from colony.runtime.kit.script import Do, Script, Sleep
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import LATER, CallId, Handler, Method, RefusedError
 from colony.runtime.protocol.connections import Caller
 
@@ -55,7 +55,7 @@ class LocalServer:
         self.answers = [] if answers is None else answers
         self.handlers: Mapping[str, Handler] = {m.name: m.handler for m in methods}
 
-    def do(self, call_id: CallId, call: Ask[Any], now_ns: int) -> Any:
+    def do(self, call_id: CallId, call: CallRequest[Any], now_ns: int) -> Any:
         """Return the result of a call, or `LATER` if the call has to wait.
 
         Raises:

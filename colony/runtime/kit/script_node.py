@@ -6,13 +6,23 @@ from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
-from colony.runtime.kit.answers import TIMEOUT_S, answer_timeout, read_result
-from colony.runtime.kit.conversation import Conversation, Deliver, Listen, Outcome, Pending, Resolve, Transmit
+from colony.runtime.kit.conversation import (
+    TIMEOUT_S,
+    Conversation,
+    Deliver,
+    Listen,
+    Outcome,
+    Pending,
+    Resolve,
+    Transmit,
+    answer_timeout,
+    read_result,
+)
 from colony.runtime.kit.conversation import Effect as ConversationEffect
 from colony.runtime.kit.errors import CallTimeoutError, RobotConnectionError, ServerNotFoundError
 from colony.runtime.kit.script import Do, Script, Sleep
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.messages import Effect, Message, Notice, Reply, Send, Wake, WakeAt
+from colony.runtime.protocol.messages import Effect, Message, Notice, Reply, SendMessage, Wake, WakeAt
 
 POLL_INTERVAL_NS = 100_000_000
 """Nanoseconds between two calls of `poll` of the connections."""
@@ -170,7 +180,7 @@ class ScriptNode:
         for effect in effects:
             match effect:
                 case Transmit(message=message):
-                    yield Send(topics.calls(server), message)
+                    yield SendMessage(topics.calls(server), message)
                 case Resolve(pending=pending, outcome=outcome):
                     pending.resolve(outcome)
                 case Listen() | Deliver():

@@ -22,7 +22,7 @@ from colony.sim.hazards.scenery import Scenery
 from colony.sim.plant.hardware import STEP_NS, WATCHDOG_NS, Devices, GivenFields, RobotCamera, RobotDevice
 from colony.sim.world.elevators import Elevators
 from colony.sim.world.movers import with_movers
-from colony.sim.world.site import Site
+from colony.sim.world.site import SimulatedSite
 from colony.sim.world.world import World
 
 if TYPE_CHECKING:  # compiled when they are imported, which robots without cameras do not wait for
@@ -119,7 +119,7 @@ class _Stage:
 def _stage(options: PlantOptions, config: RobotConfig) -> _Stage:
     if options.building is None:
         return _single_floor(options, config)
-    site = Site(
+    site = SimulatedSite(
         options.building,
         options.floors,
         options.hazards,

@@ -20,8 +20,7 @@ from colony.runtime.assembly.processes.shutdown import (
     on_signals,
 )
 from colony.runtime.assembly.processes.spec import SPEC_BYTES, decoded_server
-from colony.runtime.transport.live.errors import LiveError
-from colony.runtime.transport.live.run_directory import RobotDirectory
+from colony.runtime.transport.live.run_directory import LiveError, RobotDirectory
 
 if TYPE_CHECKING:
     from colony.body.model import Body

@@ -6,7 +6,7 @@ import os
 import socket
 from pathlib import Path
 
-from colony.sim.given import GivenValue
+from colony.sim.mechanism import GivenValue
 from colony.sim.plant.protocol import (
     MAX_BYTES_FROM_PLANT,
     Advance,
@@ -19,9 +19,9 @@ from colony.sim.plant.protocol import (
     Give,
     Landed,
     MoveDoors,
-    Place,
+    PlaceRobot,
     Refusal,
-    Ride,
+    RideElevator,
     ToPlant,
     Truth,
     Unpacker,
@@ -64,7 +64,7 @@ class PlantControl:
 
     def place(self, robot: str, x: float, y: float, heading: float) -> None:
         """Move a robot to another pose, unnoticed by its odometry."""
-        self._ask(Place(robot=robot, x=x, y=y, heading=heading))
+        self._ask(PlaceRobot(robot=robot, x=x, y=y, heading=heading))
 
     def give(self, robot: str, server: str, field: str, value: GivenValue, *, t_ns: int = 0) -> None:
         """Let a field of a device read a value in base units, from a time of the plant on.
@@ -89,7 +89,7 @@ class PlantControl:
 
     def ride(self, node: str, floor: str) -> str:
         """Take the robots in an elevator to the floor of another map; return the node of the doors there."""
-        answer = self._ask(Ride(node=node, floor=floor))
+        answer = self._ask(RideElevator(node=node, floor=floor))
         assert isinstance(answer, Landed)
         return answer.node
 

@@ -18,8 +18,8 @@ from colony.runtime.servers.drivers import BaseState
 from colony.sim.compiled import Bytes2
 from colony.sim.devices.base import BaseSensors, RingSensors
 from colony.sim.drivers import image_of
-from colony.sim.given import Given, GivenTimeline, GivenValue
-from colony.sim.plant.protocol import FieldReading, Rings, Truth
+from colony.sim.mechanism import Given, GivenTimeline, GivenValue
+from colony.sim.plant.protocol import FieldReading, RingReadings, Truth
 from colony.sim.timeline import MAX_STEP_S
 from colony.sim.world.elevators import Elevators
 from colony.sim.world.world import World
@@ -315,10 +315,10 @@ class Devices:
         """Return the newest state of a base; None before the first has arrived."""
         return self._bases[robot].state(self.time_ns)
 
-    def proximity(self, robot: int) -> Rings:
+    def proximity(self, robot: int) -> RingReadings:
         """Return the newest readings of a robot's rings."""
         ring = self._rings[robot]
-        return Rings(sonar=ring.sonar(self.time_ns), infrared=ring.infrared(self.time_ns))
+        return RingReadings(sonar=ring.sonar(self.time_ns), infrared=ring.infrared(self.time_ns))
 
     def image(self, robot: int, camera: str) -> Image:
         """Return the image of a robot's camera."""

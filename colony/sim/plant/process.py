@@ -48,16 +48,16 @@ from colony.sim.plant.protocol import (
     DriveBase,
     FromPlant,
     Give,
-    Halt,
+    HaltBase,
     Landed,
+    MakeSafe,
     MoveDoors,
-    Place,
+    PlaceRobot,
     PlantProtocolError,
     ProximityReading,
     Reading,
     Refusal,
-    Ride,
-    Safe,
+    RideElevator,
     Sense,
     ToPlant,
     Unpacker,
@@ -132,7 +132,7 @@ def answer(
         return reading(port, devices, message.number)
     robot = devices.number(port.robot)
     match port, message:
-        case AttachBase(), Halt():
+        case AttachBase(), HaltBase():
             devices.halt(robot)
         case AttachBase(), DriveBase():
             devices.drive(robot, message.velocity, message.turn, message.sideways)
@@ -141,7 +141,7 @@ def answer(
                 return reading(port, devices, message.number)
         case AttachDevice(server=server), DeviceCommand():
             devices.command(robot, server, message.name, message.values)
-        case AttachDevice(server=server), Safe():
+        case AttachDevice(server=server), MakeSafe():
             devices.safe(robot, server)
         case _:
             raise _not_allowed(message)
@@ -152,7 +152,7 @@ def _handle_control(message: ToPlant, devices: Devices, logical_ns: int | None, 
     match message:
         case AskTruth():
             return devices.truth(devices.number(message.robot))
-        case Place():
+        case PlaceRobot():
             devices.place(devices.number(message.robot), message.x, message.y, message.heading)
         case Give():
             robot = devices.number(message.robot)
@@ -165,7 +165,7 @@ def _handle_control(message: ToPlant, devices: Devices, logical_ns: int | None, 
             devices.elevators.open(node)
         case MoveDoors(node=node):
             devices.elevators.close(node)
-        case Ride(node=node, floor=floor):
+        case RideElevator(node=node, floor=floor):
             return Landed(node=devices.elevators.ride(node, floor))
         case _:
             raise _not_allowed(message)

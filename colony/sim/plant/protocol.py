@@ -28,7 +28,7 @@ from colony.ir.types import ScalarValue
 from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState
-from colony.sim.given import GivenValue
+from colony.sim.mechanism import GivenValue
 
 VERSION = 6
 
@@ -91,7 +91,7 @@ class DriveBase(_Message, frozen=True, kw_only=True):
     sideways: float = 0.0
 
 
-class Halt(_Message, frozen=True, kw_only=True):
+class HaltBase(_Message, frozen=True, kw_only=True):
     """A command to stop."""
 
 
@@ -102,7 +102,7 @@ class DeviceCommand(_Message, frozen=True, kw_only=True):
     values: Mapping[str, ScalarValue]
 
 
-class Safe(_Message, frozen=True, kw_only=True):
+class MakeSafe(_Message, frozen=True, kw_only=True):
     """A command to make a device safe, which the plant also does when the connection ends."""
 
 
@@ -118,7 +118,7 @@ class AskTruth(_Message, frozen=True, kw_only=True):
     robot: str
 
 
-class Place(_Message, frozen=True, kw_only=True):
+class PlaceRobot(_Message, frozen=True, kw_only=True):
     """A request to move a robot to another pose, unnoticed by its odometry."""
 
     robot: str
@@ -159,7 +159,7 @@ class MoveDoors(_Message, frozen=True, kw_only=True):
     is_opening: bool
 
 
-class Ride(_Message, frozen=True, kw_only=True):
+class RideElevator(_Message, frozen=True, kw_only=True):
     """A request to take the robots in the elevator at a node to the floor of another map."""
 
     node: str
@@ -210,7 +210,7 @@ class FieldReading(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rings:
+class RingReadings:
     """The ranges in mm and the detections of a robot's rings; None before the first have arrived."""
 
     sonar: Sample | None
@@ -229,7 +229,7 @@ class BaseReading(_Reading[BaseState | None], frozen=True, kw_only=True):
     """The state of a base; None before the first has arrived."""
 
 
-class ProximityReading(_Reading[Rings], frozen=True, kw_only=True):
+class ProximityReading(_Reading[RingReadings], frozen=True, kw_only=True):
     """The newest scans of both rings."""
 
 
@@ -267,8 +267,8 @@ class Truth(_Message, frozen=True, kw_only=True):
 
 Device = AttachBase | AttachProximity | AttachCamera | AttachDevice
 Attach = Device | AttachControl
-Control = AskTruth | Place | Give | Advance | AskDoors | MoveDoors | Ride
-ToPlant = Attach | DriveBase | Halt | DeviceCommand | Safe | Sense | Control
+Control = AskTruth | PlaceRobot | Give | Advance | AskDoors | MoveDoors | RideElevator
+ToPlant = Attach | DriveBase | HaltBase | DeviceCommand | MakeSafe | Sense | Control
 Reading = BaseReading | ProximityReading | CameraReading | DeviceReading
 FromPlant = Attached | Refusal | Done | Reading | Truth | Doors | Landed
 

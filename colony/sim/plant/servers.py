@@ -18,8 +18,8 @@ from typing import Generic, TypeVar
 
 import msgspec
 
+from colony.files import describe
 from colony.ir.types import ScalarValue
-from colony.os_errors import describe
 from colony.runtime.assembly.processes.child import main
 from colony.runtime.assembly.processes.spec import Device
 from colony.runtime.protocol.images import Image
@@ -40,12 +40,12 @@ from colony.sim.plant.protocol import (
     DeviceReading,
     DriveBase,
     FromPlant,
-    Halt,
+    HaltBase,
+    MakeSafe,
     PlantProtocolError,
     ProximityReading,
     Reading,
     Refusal,
-    Safe,
     Sense,
     ToPlant,
     Unpacker,
@@ -298,7 +298,7 @@ class RemoteBase(_RemoteDriver[BaseReading]):
 
     def stop(self) -> None:
         """Command the base to stop."""
-        self._connection.send(Halt())
+        self._connection.send(HaltBase())
 
     def state(self) -> BaseState | None:
         """Return the latest state of the base, or None if there is none."""
@@ -400,7 +400,7 @@ class RemoteDevice:
 
     def safe(self) -> None:
         """Make the device safe; without a connection it is."""
-        self._connection.send(Safe())
+        self._connection.send(MakeSafe())
 
     def close(self) -> None:
         """Close the connection to the device, which makes it safe."""

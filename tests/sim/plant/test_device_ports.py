@@ -23,7 +23,7 @@ from colony.sim.plant.protocol import (
     DriveBase,
     FieldReading,
     Give,
-    Safe,
+    MakeSafe,
     pack,
 )
 from colony.sim.plant.servers import MAX_READING_AGE_NS, RemoteDevice
@@ -165,7 +165,7 @@ NONSENSE = [
         LIFT + pack(Give(robot="amr", server="Lift", field="load", t_ns=0, value=1.0)),
         "Give is not allowed on this connection",
     ),
-    (pack(Safe()), "Safe is not allowed on this connection"),
+    (pack(MakeSafe()), "Safe is not allowed on this connection"),
 ]
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.body.model import Server
+from colony.body.model import ServerTable
 from colony.body.servers import servers_of
 from colony.body.shipped import shipped_body
 from colony.ir.servers import FieldSpec, ServerSpec
@@ -327,7 +327,7 @@ def test_a_plant_has_the_devices_and_fields_of_its_servers_alone(tmp_path: Path)
     probe = ServerSpec(
         "Probe", fields=(FieldSpec("moisture", DIMENSIONLESS, "the value that the interface declares"),)
     )
-    body = replace(body, servers={**body.servers, "Probe": Server()})
+    body = replace(body, servers={**body.servers, "Probe": ServerTable()})
     servers = (*(spec for spec in servers_of(body) if spec.name not in ("Panel", "Probe")), probe)
     amr = options(tmp_path / "plant", robots={"amr": START}, body=body, servers=servers)
     with controlled(amr) as control, contextlib.closing(RemoteDevice(amr.path, "amr", "Probe")) as probe:

@@ -15,10 +15,10 @@ from colony.sim.plant.protocol import (
     CameraReading,
     DriveBase,
     FromPlant,
-    Halt,
+    HaltBase,
     PlantProtocolError,
     ProximityReading,
-    Rings,
+    RingReadings,
     ToPlant,
     Unpacker,
     pack,
@@ -29,10 +29,10 @@ from colony.sim.plant.protocol import (
 SAID: tuple[ToPlant, ...] = (
     AttachBase(robot="rome"),
     DriveBase(velocity=1.5, turn=-2.0, number=7, sideways=3.0),
-    Halt(),
+    HaltBase(),
 )
 HEARD: tuple[FromPlant, ...] = (
-    ProximityReading(value=Rings(sonar=Sample((1.0,) * 24, 4), infrared=None), t_ns=5),
+    ProximityReading(value=RingReadings(sonar=Sample((1.0,) * 24, 4), infrared=None), t_ns=5),
     CameraReading(value=Image(t_ns=6, height=1, width=2, channels=1, pixels=b"\x00\xff"), t_ns=6),
 )
 

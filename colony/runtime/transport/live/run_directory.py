@@ -15,6 +15,8 @@ import errno
 import fcntl
 import hashlib
 import os
+import pwd
+import re
 import stat
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -24,10 +26,98 @@ from pathlib import Path
 
 import msgspec
 
-from colony.files import UnsuitableFileError, open_descriptor, read_file, reason
-from colony.os_errors import NO_ROOM, limit_advice, naming
-from colony.runtime.transport.live.errors import AlreadyRunningError, RunDirectoryError
-from colony.runtime.transport.live.names import check_name
+from colony.files import (
+    NO_ROOM,
+    UnsuitableFileError,
+    limit_advice,
+    naming,
+    open_descriptor,
+    read_file,
+    reason,
+)
+
+# --- names ---------------------------------------------------------------------------------------------
+#
+# Valid names of robots, servers, users and connections: a name is part of keys and of file names.
+
+
+MAX_NAME_LENGTH = 64
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*", re.ASCII)
+_USER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]*", re.ASCII)
+
+
+def check_name(kind: str, name: str) -> str:
+    """Return `name` if it is a valid name of a `kind` ("robot", "server").
+
+    Raises:
+        ValueError: the name is invalid.
+    """
+    return _check(kind, name, _NAME, "letters, digits, `_`, `-` and `.`")
+
+
+def check_user(name: str) -> str:
+    """Return `name` if it is a valid user name; a certificate's common name often contains an `@`.
+
+    Raises:
+        ValueError: the name is invalid.
+    """
+    return _check("user", name, _USER, "letters, digits, `_`, `-`, `.` and `@`")
+
+
+def _check(kind: str, name: str, pattern: re.Pattern[str], expected: str) -> str:
+    if len(name) > MAX_NAME_LENGTH or pattern.fullmatch(name) is None:
+        raise ValueError(
+            f"`{name}` cannot be the name of a {kind}: expected 1 to {MAX_NAME_LENGTH} characters, "
+            f"{expected}, beginning with a letter or digit"
+        )
+    return name
+
+
+def local_user() -> str:
+    """Return the name of this process's user, or `uid<number>` if that is not a valid user name."""
+    number = os.getuid()
+    try:
+        return check_user(pwd.getpwuid(number).pw_name)
+    except (KeyError, ValueError):
+        return f"uid{number}"
+
+
+# --- errors --------------------------------------------------------------------------------------------
+#
+# Errors between a robot's processes that a user can fix; each message says how.
+
+
+class LiveError(Exception):
+    """An error in the network of processes; the message is for users."""
+
+
+class RunDirectoryError(LiveError):
+    """The run directory cannot be used: another user owns it, others can open it, or its path is too long."""
+
+
+class AlreadyRunningError(LiveError):
+    """Another process already serves the robot under this name."""
+
+
+class UnreachableError(LiveError):
+    """A gateway cannot be reached, or refuses the login."""
+
+
+class ForkedError(LiveError):
+    """This process was forked from one that had opened a session, so it can neither use nor open any."""
+
+
+class GatewayFullError(LiveError):
+    """The gateway's memory has reached its limit; its process must restart, which ends its sessions."""
+
+
+class SecurityError(LiveError):
+    """The certificates or the table of users are invalid."""
+
+
+# --- run directory -------------------------------------------------------------------------------------
+
 
 ADVICE = "set COLONY_RUN_DIR to a folder of yours"
 
@@ -187,7 +277,7 @@ class RobotDirectory:
         pids = {p.stem: _holder(p) for p in sorted(self.path.glob("*.claim"))}
         return {name: pid for name, pid in pids.items() if pid is not None}
 
-    def claim(self, server: str) -> Claim:
+    def claim(self, server: str) -> RobotClaim:
         """Claim to be the only process that serves `server`, until the claim is closed or the process ends.
 
         Raises:
@@ -209,7 +299,7 @@ class RobotDirectory:
             except BaseException:
                 os.close(descriptor)
                 raise
-        return Claim(descriptor)
+        return RobotClaim(descriptor)
 
     def origin_ns(self, *, monotonic: Callable[[], int] = time.monotonic_ns) -> int:
         """Return the time on the monotonic clock at which the robot's time is 0.
@@ -237,7 +327,7 @@ class RobotDirectory:
             return new.origin_ns
 
 
-class Claim:
+class RobotClaim:
     """An exclusive claim to serve, held by a lock on a file. Mutable."""
 
     def __init__(self, descriptor: int) -> None:
@@ -251,7 +341,7 @@ class Claim:
                 _write_holder(descriptor, "")
             os.close(descriptor)
 
-    def __enter__(self) -> Claim:
+    def __enter__(self) -> RobotClaim:
         """Return the claim."""
         return self
 
