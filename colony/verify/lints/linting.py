@@ -44,8 +44,13 @@ def lint(
     if not case.network.roots:
         return ()
     claims = dict[str, Expression]()
-    for lint_module in (predicates, predicates, predicates, contracts):
-        claims |= lint_module.claims(case)
+    for claims_of in (
+        predicates.claims,
+        predicates.shadows_claims,
+        predicates.nodes_claims,
+        contracts.claims,
+    ):
+        claims |= claims_of(case)
     runs = (
         None
         if has_python_modules(program)
