@@ -115,7 +115,7 @@ def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIME
     from warnings import warn
 
     from colony.ir.program import expect_program
-    from colony.robots.compiled_program import compiled_with_sources
+    from colony.runs.compiled import compiled_with_sources
 
     expect_program(program)
     _expect_number("timeout_s", timeout_s)
@@ -150,7 +150,7 @@ def read(path: str | PathLike[str]) -> CompiledProgram:
         DiagnosticError: C001, the file cannot be read, is damaged, or the Python modules found now differ
             from those at compile time.
     """
-    from colony.robots.compiled_program import read_compiled
+    from colony.runs.compiled import read_compiled
 
     _expect_path(path)
     return CompiledProgram(read_compiled(path))

@@ -22,14 +22,8 @@ from studies.plates.record import PLATE_TABLE, PlateResult
 from studies.plates.run import run_with_finders
 from studies.plates.tables import plate_tables
 from studies.record import RUN_TABLE, RunResult
-from studies.runs import RunSpec, run
-from studies.sources.results import (
-    SOURCE_TABLE,
-    SourceOutcome,
-    SourceResult,
-    source_tables,
-    source_targets,
-)
+from studies.runs import StudyRun, run
+from studies.sources.results import SOURCE_TABLE, SourceOutcome, SourceResult, source_tables, source_targets
 from studies.sources.run import run_with_sources, source_list
 from studies.tables import failure_table, table, target_table
 
@@ -53,7 +47,7 @@ class Study(Generic[R]):
     name: str
     runs: Callable[[], tuple[ListedRun, ...]]
     seeds: int
-    work: Callable[[RunSpec], R]
+    work: Callable[[StudyRun], R]
     table: ResultTable[R]
     targets: Callable[[Sequence[R]], tuple[Target, ...]]
     tables: Callable[[Sequence[ListedRun], Sequence[R]], list[str]]

@@ -11,12 +11,12 @@ import colony
 from colony.experiment.parallel import Engine
 from colony.experiment.results import R, Results, RunKey
 from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
-from colony.robots.behavior import behavior_of
-from colony.robots.navigation import CEILING_CAMERA, SIDE_CAMERA
+from colony.runs.behavior import behavior_of
+from colony.runs.navigation import CEILING_CAMERA, SIDE_CAMERA
 from colony.sim.hazards.hazards import Hazard, Hazards
 from studies.auditing import AuditedRun, audit, is_audited
 from studies.lists import ListedRun
-from studies.runs import RunSpec, building_at
+from studies.runs import StudyRun, building_at
 from studies.variants import VARIANTS, VariantName
 
 _SUFFIXES = (".py", ".npz")
@@ -65,10 +65,10 @@ class Experiment:
             deviations.append("side-camera")
         return "/".join([self.variant, *([",".join(deviations)] if deviations else [])])
 
-    def specs(self) -> tuple[RunSpec, ...]:
+    def specs(self) -> tuple[StudyRun, ...]:
         """Return all runs, seed by seed."""
         return tuple(
-            RunSpec(
+            StudyRun(
                 key=RunKey(self.name, run.number, seed, self.label),
                 map_path=self.map_path,
                 origin=run.origin,
@@ -100,7 +100,7 @@ HAZARD_NAMES = {hazard.name.lower().replace("_", "-"): hazard for hazard in Haza
 
 def conduct(
     experiment: Experiment,
-    work: Callable[[RunSpec], R],
+    work: Callable[[StudyRun], R],
     results: Results[R],
     engine: Engine,
     *,

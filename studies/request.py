@@ -9,18 +9,11 @@ from typing import Any
 
 from colony.nav.maps.building import load_building
 from colony.nav.pose.tracker import PoseSource
-from colony.robots.navigation import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
+from colony.runs.navigation import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
 from colony.sim.hazards.hazards import Hazards
 from studies.catalog import CUSTOM, STUDIES, Study
 from studies.conduct import HAZARD_NAMES, Experiment
-from studies.lists import (
-    PUBLISHED_MAP,
-    ListedRun,
-    csv_list,
-    floors_list,
-    random_list,
-    selected_runs,
-)
+from studies.lists import PUBLISHED_MAP, ListedRun, csv_list, floors_list, random_list, selected_runs
 from studies.variants import VariantName
 
 RANDOM = "random"

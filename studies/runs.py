@@ -19,10 +19,9 @@ from colony.nav.maps.building import Building, load_building
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
 from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
-from colony.robots.behavior import behavior_of
-from colony.robots.expected import GOAL_RADIUS_MM, expected_s
-from colony.robots.navigation import CEILING_CAMERA, PLANNER
-from colony.robots.run_cameras import run_cameras
+from colony.runs.behavior import behavior_of
+from colony.runs.mission import run_cameras
+from colony.runs.navigation import CEILING_CAMERA, GOAL_RADIUS_MM, PLANNER, expected_s
 from colony.runtime.assembly.loop import Loop, Watch
 from colony.runtime.kit.script import Script
 from colony.runtime.kit.script_local import ScriptError
@@ -47,7 +46,7 @@ NO_SCRIPTS: Mapping[str, Script] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunSpec:
+class StudyRun:
     """The specification of a run; `key.variant` names the variant.
 
     All randomness comes from `key.seed` and `key.number`. `sources` are the sources of the pose estimate,
@@ -78,7 +77,7 @@ def _plan(path: Path, origin: str, goal: str) -> Plan:
     return plan(building_at(path), origin, goal)
 
 
-def plan_of(spec: RunSpec) -> Plan:
+def plan_of(spec: StudyRun) -> Plan:
     """Return the plan of a run.
 
     Raises:
@@ -111,7 +110,7 @@ class Run:
     """
 
     def __init__(
-        self, spec: RunSpec, *, watch: Watch | None = None, extra_scripts: Mapping[str, Script] = NO_SCRIPTS
+        self, spec: StudyRun, *, watch: Watch | None = None, extra_scripts: Mapping[str, Script] = NO_SCRIPTS
     ) -> None:
         self.spec = spec
         self.variant: Variant = VARIANTS[spec.key.variant.partition("/")[0]]
@@ -255,6 +254,6 @@ def run_to_end(stepped_run: SteppedRun[R_co]) -> R_co:
         stepped_run.close()
 
 
-def run(spec: RunSpec) -> RunResult:
+def run(spec: StudyRun) -> RunResult:
     """Drive a run to its end."""
     return run_to_end(Run(spec))

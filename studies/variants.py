@@ -12,7 +12,7 @@ from colony.nav.missions.clerk import clerk
 from colony.nav.plan.plan import Plan, Segment
 from colony.nav.plan.planner import OnSegment, planner
 from colony.nav.pose.tracker import PoseSource
-from colony.robots.navigation import CEILING_CAMERA, EXPECTED_MM_S, PLANNER, navigation_scripts
+from colony.runs.navigation import CEILING_CAMERA, EXPECTED_MM_S, PLANNER, navigation_scripts
 from colony.runtime.kit.script import Script, Step
 from colony.shipped import Shipped
 from colony.sim.config import RobotConfig, rome_config

@@ -28,20 +28,7 @@ ALLOWED: dict[str, set[str]] = {
     "vision": {"body", "runtime", "nav"},
     "sim": {"ir", "body", "runtime", "nav"},
     "view": {"ir", "body", "compile", "nav"},
-    "robots": {
-        "shipped",
-        "ir",
-        "body",
-        "dsl",
-        "execute",
-        "compile",
-        "verify",
-        "runtime",
-        "analysis",
-        "nav",
-        "vision",
-        "sim",
-    },
+    "runs": {"ir", "body", "dsl", "execute", "compile", "runtime", "nav", "vision", "sim"},
     "watch": {
         "ir",
         "body",
@@ -53,9 +40,9 @@ ALLOWED: dict[str, set[str]] = {
         "nav",
         "vision",
         "view",
-        "robots",
+        "runs",
     },
-    "experiment": {"ir", "dsl", "execute", "runtime", "analysis", "nav", "robots"},
+    "experiment": {"ir", "dsl", "execute", "runtime", "analysis", "nav", "runs"},
 }
 ALLOWED["cli"] = set(ALLOWED) - {"drivers"}
 """The packages that a package may import, besides itself, `text` and the base."""
@@ -235,13 +222,13 @@ def test_a_class_name_is_used_once_and_a_file_can_be_read_in_one_sitting() -> No
 
 
 PROCESSES: tuple[tuple[str, str, set[str]], ...] = (
-    ("leader", _command("run", "wander", "--connect", "--robot", "pioneer"), HEAVY - {"lark"}),
-    ("shadow", _command("run", "wander", "--shadow", "--robot", "pioneer"), HEAVY - {"lark"}),
+    ("leader", _command("drive", "wander", "--robot", "pioneer"), HEAVY - {"lark"}),
+    ("shadow", _command("shadow", "wander", "--robot", "pioneer"), HEAVY - {"lark"}),
     ("watch", _command("watch", "--robot", "pioneer"), HEAVY | {"colony.sim"}),
     ("ps", _command("ps"), HEAVY | FRONT_END | {"colony.sim", "colony.nav"}),
     (
         "supervisor",
-        "import colony.cli.serve, colony.cli.programs, colony.robots.serving, colony.compile.pipeline",
+        "import colony.cli.serve.serving, colony.cli.programs, colony.compile.pipeline",
         HEAVY | {"colony.verify", "colony.view"},
     ),
     ("Clock, servers, clients", CHILD, HEAVY | FRONT_END | {"colony.sim", "colony.body", "colony.nav"}),

@@ -185,7 +185,7 @@ def command(recording: str, file: str | None, format_: str) -> None:
     from outside must be within the limits of its frame, unless the connection ignored them. A truncated
     recording is audited up to its end, a damaged one before and after the damage.
 
-    A recording of `colony run --shadow` has what would have been sent, and the result says so.
+    A recording of `colony shadow` has what would have been sent, and the result says so.
 
     Modules in Python are not run: the recording contains their answers.
 

@@ -50,8 +50,8 @@ def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str
       colony check --format sarif behaviors/*.colony > check.sarif
     """
     with gc_paused():
+        from colony.cli.body_check import BodyCheck
         from colony.dsl.load import check_file
-        from colony.robots.body_check import BodyCheck
         from colony.text.diagnostics import has_errors, in_order
 
         diagnostics: list[Diagnostic] = []

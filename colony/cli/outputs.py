@@ -39,25 +39,6 @@ MAP = ShippedFile(Shipped.MAP, "a StickRep map or an occupancy grid (*.yaml)")
 map_option = click.option("--map", "map_path", metavar="MAP", type=MAP, help=f"The world: {MAP.description}.")
 """`--map MAP`, as `map_path`."""
 
-start_option = click.option(
-    "--start",
-    metavar="X,Y,HEADING",
-    help="Where the simulated robot starts: in mm and degrees counterclockwise from north, or with units. "
-    "[default: the start of the map; in a grid 0,0,270, or the nearest place with room]",
-)
-"""`--start X,Y,HEADING`, as text."""
-
-MAX_MOVERS = 1_000
-
-movers_option = click.option(
-    "--movers",
-    type=click.IntRange(0, MAX_MOVERS),
-    metavar="N",
-    default=0,
-    help="Simulate N people who walk around between free places that the seed gives.",
-)
-"""`--movers N`."""
-
 
 # --- outputs -------------------------------------------------------------------------------------------
 

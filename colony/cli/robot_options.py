@@ -46,11 +46,13 @@ def robot_address_of(robot: str, connect: str | None, security: Path | None) -> 
 
     Raises:
         LiveError: the name, the endpoint or the credentials are invalid.
-        click.UsageError: an endpoint without credentials.
+        click.UsageError: an endpoint without credentials, or credentials without an endpoint.
     """
     from colony.runtime.transport.live.robot_address import Remote, local
 
     if connect in (None, HERE):
+        if security is not None:
+            raise click.UsageError("--security requires --connect tls/HOST:PORT, the gateway of the robot")
         return local(robot, os.environ)
     from colony.runtime.transport.live.configuration import parse_endpoint
     from colony.runtime.transport.live.security import read_credentials

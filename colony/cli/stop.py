@@ -17,7 +17,7 @@ from colony.cli.robot_options import (
     robot_option,
     security_option,
 )
-from colony.robots.discovery import running_robots, session_with
+from colony.runtime.kit.discovery import running_robots, session_with
 
 if TYPE_CHECKING:
     from colony.runtime.kit.connection import Session

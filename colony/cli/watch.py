@@ -146,7 +146,7 @@ def _watch_live(
 ) -> None:
     """Show the run of a robot, or the robot without one, and what follows, until interrupted."""
     from colony.files import reason
-    from colony.robots.description import NoDescriptionError, served_program
+    from colony.runs.described import NoDescriptionError, served_program
     from colony.text.diagnostics import DiagnosticError
     from colony.watch.joined_run import JoinedRun, Succession, joined_run
 
@@ -192,7 +192,7 @@ def scene_for(program: Program, title: str, map_path: str | None, robot: str | N
         DiagnosticError: the map, or the body of the robot, is invalid.
     """
     from colony.compile.pipeline import compile_program
-    from colony.robots.described import described_robot
+    from colony.runs.described import described_robot
     from colony.watch.map import footprint_of
     from colony.watch.scene import scene_of
 

@@ -29,9 +29,9 @@ from colony.experiment.results import RunKey
 from colony.ir.program import Program
 from colony.nav.maps.free_space import FreeSpace
 from colony.nav.maps.world_map import WorldMap
-from colony.robots.compiled_program import compiled_with_sources
-from colony.robots.described import DescribedRobot, described_robot
-from colony.robots.request import MisuseError, RunRequest
+from colony.runs.compiled import compiled_with_sources
+from colony.runs.described import DescribedRobot, described_robot
+from colony.runs.spec import MisuseError, RunSpec
 
 # --- programs ------------------------------------------------------------------------------------------
 #
@@ -154,7 +154,7 @@ class Trial:
     Attributes:
         key: the key of its result.
         program: the behavior.
-        request: the run.
+        spec: the run.
         drawn: the drawn values of params, by name, in the unit in which their range is written.
         params: the same as texts of the language.
         audited: True to have the reference interpreter decide every frame again.
@@ -162,7 +162,7 @@ class Trial:
 
     key: RunKey
     program: ProgramChoice
-    request: RunRequest
+    spec: RunSpec
     drawn: tuple[tuple[str, float], ...]
     params: tuple[tuple[str, str], ...]
     audited: bool
@@ -175,10 +175,10 @@ class Experiment:
     Attributes:
         name: its name, for people.
         programs: the behavior, and the one to compare it with, if any.
-        request: the run, with the first seed; what varies is replaced, hazards always.
+        spec: the run, with the first seed; what varies is replaced, hazards always.
         runs: the number of runs of each behavior.
         varies_start: True to start each run at a free place of the map.
-        movers: the range of the number of people, None for that of the request.
+        movers: the range of the number of people, None for that of the run.
         params: the ranges of params by name.
         audit: the part of the runs to audit, 0 to 1.
         digest: a digest of all that results depend on beside these fields: programs and maps.
@@ -186,7 +186,7 @@ class Experiment:
 
     name: str
     programs: tuple[ProgramChoice, ...]
-    request: RunRequest
+    spec: RunSpec
     runs: int
     varies_start: bool
     movers: SweptRange | None
@@ -196,9 +196,9 @@ class Experiment:
 
     def fingerprint(self) -> str:
         """Return a digest of all that the results depend on."""
-        request = replace(self.request, file="", map_path=None, seed=0, scenario=None)
-        changes = self.request.scenario.changes if self.request.scenario is not None else ()
-        shown = repr((request, changes, self.varies_start, self.movers, self.params))
+        spec = replace(self.spec, file="", scenario=None).with_world(map_path=None, seed=0)
+        changes = self.spec.scenario.changes if self.spec.scenario is not None else ()
+        shown = repr((spec, changes, self.varies_start, self.movers, self.params))
         return sha256(f"{self.digest} {shown}".encode()).hexdigest()
 
     def trials(self, floor: WorldMap, radius_mm: float, numbers: Iterable[int]) -> list[Trial]:
@@ -216,23 +216,23 @@ class Experiment:
         return [trial for number in numbers for trial in self._trials(number, floor, space, radius_mm)]
 
     def _trials(self, number: int, floor: WorldMap, space: FreeSpace | None, radius_mm: float) -> list[Trial]:
-        seed = self.request.seed + number - 1
-        request = replace(self.request, seed=seed)
-        if request.hazards is not None:
-            request = replace(request, hazards=seed)
+        seed = self.spec.world.seed + number - 1
+        varied: dict[str, object] = {"seed": seed}
+        if self.spec.world.hazards is not None:
+            varied["hazards"] = seed
         if space is not None:
             rng, clearance = _stream(seed, _START), radius_mm + START_CLEARANCE_MM
             place = space.random_place(floor.start(radius_mm)[:2], clearance, rng)
-            request = replace(request, start=(*place, float(rng.uniform(0.0, 360.0))))
+            varied["start"] = (*place, float(rng.uniform(0.0, 360.0)))
         if self.movers is not None:
-            request = replace(request, movers=int(self.movers.draw(_stream(seed, _MOVERS))))
+            varied["movers"] = int(self.movers.draw(_stream(seed, _MOVERS)))
         drawn = {name: values.draw(_stream(seed, _PARAMS, name)) for name, values in self.params}
         texts = tuple((name, values.text(drawn[name])) for name, values in self.params)
         return [
             Trial(
                 key=RunKey(self.name, number, seed, program.label),
                 program=program,
-                request=request,
+                spec=self.spec.with_world(**varied),
                 drawn=tuple(drawn.items()),
                 params=texts,
                 audited=_is_audited(seed, self.audit),

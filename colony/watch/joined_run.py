@@ -14,14 +14,12 @@ from colony.files import reason
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program
 from colony.ir.servers import ServerSpec
-from colony.robots.bound_servers import additional_servers
-from colony.robots.described import described_robot
-from colony.robots.description import NoDescriptionError
-from colony.robots.discovery import session_with
+from colony.runs.described import NoDescriptionError, additional_servers, described_robot
 from colony.runtime.assembly.limits import limit_bindings, limit_servers
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.kit.connection import Session
+from colony.runtime.kit.discovery import session_with
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError, ServerNotFoundError
 from colony.runtime.library import clock
@@ -55,7 +53,7 @@ from colony.watch.watched import StopAnswer, Watched
 IDLE_TITLE = "no program runs"
 """The title of the page, in place of the name of a run."""
 
-START_ONE = "start a program with `colony run FILE --connect`"
+START_ONE = "start a program with `colony drive FILE`"
 
 _NO_MEMORY = Keyframe(ProgramMemory(first_ns=None, cells={}))
 

@@ -20,8 +20,7 @@ from colony.analysis.recording import unpacked_program
 from colony.compile.pipeline import compile_program
 from colony.execute.compiled import SourceFile
 from colony.ir.program import Program
-from colony.robots.bound_servers import additional_servers
-from colony.robots.described import described_robot
+from colony.runs.described import additional_servers, described_robot
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.frames.assembler import frames_to_keep
 from colony.runtime.frames.run_frame import Keyframe, RunFrame

@@ -17,16 +17,10 @@ from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.pose import PoseEstimate, pose_of
 from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
 from colony.nav.shared import POSE
-from colony.robots.navigation import CEILING_CAMERA, SIDE_CAMERA
+from colony.runs.navigation import CEILING_CAMERA, SIDE_CAMERA
 from studies.lists import ListedRun, published_list
-from studies.runs import Run, RunSpec
-from studies.sources.results import (
-    ALL_SOURCES,
-    ODOMETRY,
-    PoseErrors,
-    SourceOutcome,
-    SourceResult,
-)
+from studies.runs import Run, StudyRun
+from studies.sources.results import ALL_SOURCES, ODOMETRY, PoseErrors, SourceOutcome, SourceResult
 
 NUMBERS = (1, 22, 24, 28, 35, 39)
 """Numbers of the published runs to repeat.
@@ -57,19 +51,19 @@ def source_list() -> tuple[ListedRun, ...]:
     return tuple(run for run in published_list() if run.number in NUMBERS)
 
 
-def run_with_sources(spec: RunSpec) -> SourceResult:
+def run_with_sources(spec: StudyRun) -> SourceResult:
     """Drive a run to its end, once for each choice of sources."""
     outcomes = {name: _outcome(_with_sources(spec, sources)) for name, sources in SOURCE_CHOICES.items()}
     return SourceResult(key=spec.key, origin=spec.origin, goal=spec.goal, outcomes=outcomes)
 
 
-def _with_sources(spec: RunSpec, sources: frozenset[PoseSource]) -> RunSpec:
+def _with_sources(spec: StudyRun, sources: frozenset[PoseSource]) -> StudyRun:
     """Return the run with these sources; without plates the robot has no side camera."""
     cameras = {CEILING_CAMERA, SIDE_CAMERA} if PoseSource.PLATES in sources else {CEILING_CAMERA}
     return replace(spec, sources=sources, cameras=frozenset(cameras))
 
 
-def _outcome(spec: RunSpec) -> SourceOutcome:
+def _outcome(spec: StudyRun) -> SourceOutcome:
     run, errors = Run(spec), PoseErrors()
     try:
         is_running = True

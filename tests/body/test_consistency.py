@@ -10,8 +10,8 @@ from colony.body.consistency import MAX_POSITIONS
 from colony.body.devices import DEVICES
 from colony.body.servers import servers_of
 from colony.body.shipped import shipped_body
+from colony.cli.serve.processes import SUPERVISOR
 from colony.ir.servers import MAX_SERVER_NAME, RESERVED_SERVER_NAMES
-from colony.robots.simulated import SUPERVISOR
 from colony.runtime.assembly.limits import LIMITS
 from colony.runtime.assembly.sharing import SHARED
 from colony.runtime.library.leader import LEADER

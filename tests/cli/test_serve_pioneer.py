@@ -37,7 +37,7 @@ def test_wander_drives_until_the_stop_button_is_pressed(machine: Machine) -> Non
         port = ("--port", emulator.port, "--baud", "38400")
         served = machine.start("serve", "all", "--robot", "pioneer", *port)
         until(lambda: robot.motors or failed(served), "the robot is ready")
-        run = machine.start("run", WANDER, "--robot", "pioneer", "--connect", "--record", "run.mcap")
+        run = machine.start("drive", WANDER, "--robot", "pioneer", "--record", "run.mcap")
         until(lambda: robot.pose[0] > 500.0 or failed(served, run), "wander drives")
         call(machine, robot, served, run)
         robot.stop_button = True

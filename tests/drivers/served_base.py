@@ -211,14 +211,14 @@ class Served:
         failed(self.supervisor)
         if self.leader is None or self.leader.ended():
             if self._runs.robot(self.base.robot).running().keys() >= SERVERS:
-                self.leader = self._machine.start("run", os.fspath(self._program), *self._connected)
+                self.leader = self._machine.start("drive", os.fspath(self._program), *self._connected)
             return False
         last = self.robot.heard[-10:]
         return len(last) == 10 and self.moves() and all(self.base.velocity(one) > 0.0 for _, one in last)
 
     @property
     def _connected(self) -> tuple[str, ...]:
-        return ("--robot", self.base.robot, "--connect")
+        return ("--robot", self.base.robot)
 
     def end_program(self) -> None:
         """End the program, which may be frozen."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from colony.experiment.design import ProgramChoice, compiled_of, sources_digest
-from colony.robots.request import MisuseError
+from colony.runs.spec import MisuseError
 
 BEHAVIOR = """
 language 1

@@ -14,8 +14,8 @@ from PIL import Image
 from colony.body.devices import AccelerationErrors, BumperSpec, CompassSpec, RangeFinder, TurnErrors
 from colony.body.model import DeviceFaults
 from colony.body.shipped import shipped_body
-from colony.cli.outputs import MAX_MOVERS
 from colony.cli.run.also import ALSO_FORM, MAX_OTHERS
+from colony.cli.run.options import MAX_MOVERS
 from colony.nav.maps.building import load_building
 from colony.nav.missions.elevator_calls import ElevatorCall, instructions
 from colony.runtime.observe.summary import OtherSummary, _other_line

@@ -11,7 +11,7 @@ import pytest
 from colony.dsl.load import load_text
 from colony.nav.plan.plan import FloorPoint, Plan, Segment
 from colony.nav.shared import CEILING_LIGHT, GoalKind
-from colony.robots.behavior import behavior_from
+from colony.runs.behavior import behavior_from
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data
 from colony.sim.hazards.scenery import ExpansionJoint, Scenery, WheelSlip, bare_scenery

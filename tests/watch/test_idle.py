@@ -14,8 +14,7 @@ from colony.dsl.descriptions import RobotChoice
 from colony.dsl.load import load_text
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.robots.described import described_robot
-from colony.robots.description import described_program
+from colony.runs.described import described_program, described_robot
 from colony.runtime.frames.clock import Clock
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.errors import ServerNotFoundError

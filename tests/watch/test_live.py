@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from colony.ir.memory import ProgramMemory
-from colony.robots.description import NoDescriptionError
+from colony.runs.described import NoDescriptionError
 from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.kit.errors import ServerNotFoundError
 from colony.runtime.library.leader import RunProgram, SourceText

@@ -16,7 +16,7 @@ from typing import Protocol
 from colony.ir.frame import MISSED, Decision, Frame, Reading
 from colony.ir.program import Program
 from colony.ir.servers import DSERVER
-from colony.robots.scripted import FrameCollector, SentCommand
+from colony.runtime.assembly.scripted import FrameCollector, SentCommand
 from colony.runtime.assembly.virtual import VirtualRobot
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.bindings import Bindings

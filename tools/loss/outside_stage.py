@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 
 from colony.dsl.load import load_text
 from colony.ir.program import Program
-from colony.robots.scripted import FrameCollector
+from colony.runtime.assembly.scripted import FrameCollector
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.script import Script as Generator

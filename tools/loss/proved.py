@@ -21,8 +21,8 @@ from colony.ir.frame import Frame
 from colony.ir.program import Actuator, ActuatorField, Contract, Program
 from colony.ir.servers import DSERVER
 from colony.ir.types import BOOL, Bool, Enum, ScalarValue
-from colony.robots.scripted import ActuatorServer, Readings, SentCommand
 from colony.runtime.arbitration.ballot import STOPPED, Interventions, OutsideCommand
+from colony.runtime.assembly.scripted import ActuatorServer, Readings, SentCommand
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Bounds, Effect, Message, Tick
 from colony.runtime.transport.faults import FaultRates, LinkFaults

@@ -27,8 +27,7 @@ def reports(program: Program, count: int, seed: int, *, faults: bool = False) ->
     Raises:
         DiagnosticError: a Python module cannot be imported or built.
     """
-    from colony.robots.faults import with_faults
-    from colony.robots.virtual_executor import VirtualExecutor
+    from colony.analysis.virtual_executor import VirtualExecutor, with_faults
     from colony.verify.testing.agreement import ALL_EXECUTORS
 
     return try_traces(

@@ -16,7 +16,7 @@ from colony.nav.plan.plan import Plan
 from colony.nav.plan.planner import planner
 from colony.nav.plan.route import plan
 from colony.nav.shared import GoalKind
-from colony.robots.behavior import behavior_of
+from colony.runs.behavior import behavior_of
 from colony.runtime.kit.script import Script, do
 from colony.runtime.library import robot
 from colony.runtime.protocol.images import Shot

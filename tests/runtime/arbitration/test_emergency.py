@@ -142,7 +142,7 @@ def serving(machine: Machine, *servers: str) -> None:
 @pytest.mark.long
 def test_a_button_stops_all_and_tells_who_acknowledged(machine: Machine) -> None:
     serving(machine, "all")
-    run = machine.start("run", WANDER, "--connect", "--set", "DockedAt=0")
+    run = machine.start("drive", WANDER, "--set", "DockedAt=0")
     until(lambda: run.ended() or machine.moves(), "the robot drives")
     with machine.session() as session, StopButton(session) as button:
         pressed = button.press()

@@ -18,6 +18,7 @@ from colony.sim.plant.elevators import RemoteElevators
 from colony.sim.plant.protocol import Truth
 from colony.sim.world.elevators import CABIN_DEPTH_MM, SLIDE_S, Cabin, cabin_of
 from colony.sim.world.operator import DELAY_S, POLL_INTERVAL_S, RIDE_S, STANDSTILL_S, operator
+from colony.sim.world_spec import WorldSpec
 from tests.buildings import HALLWAY
 from tests.kit.script_stage import RobotStage
 from tests.nav.floors import two_floors
@@ -46,7 +47,7 @@ def options(building: Building, path: Path, pose: Pose, *floors: str) -> PlantOp
         path=path / "p" / "plant",
         world=world_of(building.map_named(floors[0])),
         building=building,
-        floors=floors,
+        spec=WorldSpec(floors=floors),
         robots={"rome": pose},
         cameras={"ahead": FRONT_CAMERA, "up": UP_CAMERA},
         config=IDEAL,

@@ -46,6 +46,7 @@ from colony.sim.plant.protocol import (
 )
 from colony.sim.plant.servers import RemoteDevice
 from colony.sim.world.movers import movers
+from colony.sim.world_spec import WorldSpec
 from tests.buildings import HALLWAY
 from tests.paths import MAPS
 from tests.sim.plant.plants import OTHER, START, PlantProcess, controlled, wait_for
@@ -275,13 +276,17 @@ def test_people_who_walk_around_join_those_of_the_hazards(tmp_path: Path) -> Non
     for world in (loop, office):
         robots = {"rome": tuple(world.start(400.0))}
         alone = populated_scenery(options(tmp_path, world=world, robots=robots))
-        few = populated_scenery(options(tmp_path, world=world, robots=robots, movers=3, seed=4))
+        few = populated_scenery(
+            options(tmp_path, world=world, robots=robots, spec=WorldSpec(movers=3, seed=4))
+        )
         assert alone.people == ()
         assert few.people == movers(FreeSpace(world), world.start(400.0)[:2], 3, seed=4)
     hazards = Hazards(person_spacing_mm=5_000.0)
     robots = {"rome": tuple(loop.start(400.0))}
     many = [
-        populated_scenery(options(tmp_path, world=loop, robots=robots, hazards=hazards, movers=n)).people
+        populated_scenery(
+            options(tmp_path, world=loop, robots=robots, hazards=hazards, spec=WorldSpec(movers=n))
+        ).people
         for n in (0, 2)
     ]
     assert len(many[0]) > 0

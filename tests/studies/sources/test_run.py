@@ -12,10 +12,10 @@ from colony.experiment.results import Results, RunKey
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.pose import PoseEstimate
 from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
-from colony.robots.navigation import CEILING_CAMERA, SIDE_CAMERA
+from colony.runs.navigation import CEILING_CAMERA, SIDE_CAMERA
 from colony.sim.hazards.hazards import Hazards
 from studies.lists import PUBLISHED_MAP, ListedRun
-from studies.runs import RunSpec
+from studies.runs import StudyRun
 from studies.sources import run as sources
 from studies.sources.results import (
     ALL_SOURCES,
@@ -60,7 +60,7 @@ def test_an_estimate_is_held_against_the_true_pose_of_its_moment() -> None:
 
 @pytest.mark.thorough
 def test_a_short_run_is_driven_with_each_choice(monkeypatch: pytest.MonkeyPatch) -> None:
-    spec = RunSpec(
+    spec = StudyRun(
         key=KEY, map_path=PUBLISHED_MAP, origin="A339L", goal="A338R", hazards=Hazards.none(),
         cameras=frozenset({CEILING_CAMERA, SIDE_CAMERA}),
     )  # fmt: skip
