@@ -147,7 +147,7 @@ POLL_S = 0.01
 CENSUS_S = 1.0
 """Seconds between two measurements of the memory of the processes."""
 
-READY_S = 60.0
+READY_S = 300.0
 """Seconds in which every server and client has to be there, from the first frame of the run."""
 
 LEADER_TIMEOUT_S = 1.0
