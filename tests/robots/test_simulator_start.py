@@ -23,7 +23,7 @@ def test_a_simulator_starts_from_the_claim_of_its_supervisor_until_it_takes_driv
         assert not is_simulator_starting(robot)  # all devices are real
         (served / f"{SIMULATOR}.json").touch()
         assert is_simulator_starting(robot)
-        with socket.socket(socket.AF_UNIX) as plant:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as plant:
             plant.bind(str(plant_socket(directory.path)))
             assert is_simulator_starting(robot)  # the socket of one that was killed
     with directory.claim(SIMULATOR):
@@ -33,7 +33,7 @@ def test_a_simulator_starts_from_the_claim_of_its_supervisor_until_it_takes_driv
 def test_a_simulator_that_is_frozen_is_not_starting(tmp_path: Path) -> None:
     directory = RobotDirectory(tmp_path / "r", "rome")
     directory.prepare()
-    with directory.claim(SIMULATOR), socket.socket(socket.AF_UNIX) as plant:
+    with directory.claim(SIMULATOR), socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as plant:
         plant.bind(str(plant_socket(directory.path)))
         plant.listen()
         assert not is_simulator_starting(Local(directory))

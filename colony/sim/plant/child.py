@@ -40,9 +40,8 @@ class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
     `floors` are the names of the maps of the floors that elevators connect, the robot's one first; without
     any, the robot stays on the map. `folder` is the robot's folder. `body` is the file of its body, None for
     that of RoME. `start` is the initial pose, x and y in mm and the heading in degrees, or None for that of
-    the map. `hazards` is the seed of the hazards (docs/hazards.md), or None for no hazards. `movers`,
-    `logical_ns` and `servers` (as `encoded_server` writes them) are as in
-    `colony.sim.plant.assembly.PlantOptions`.
+    the map. `hazards` is the seed of the hazards (docs/hazards.md), or None for no hazards. `movers` and
+    `servers` (as `encoded_server` writes them) are as in `colony.sim.plant.assembly.PlantOptions`.
     """
 
     robot: str
@@ -54,7 +53,6 @@ class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
     start: tuple[float, float, float] | None = None
     hazards: int | None = None
     movers: int = 0
-    logical_ns: int | None = None
     body: str | None = None
     servers: tuple[msgspec.Raw, ...] = ()
 
@@ -119,7 +117,6 @@ def serve(
                 body=body,
                 servers=tuple(map(decoded_server, spec.servers)),
                 seed=spec.seed,
-                logical_ns=spec.logical_ns,
             )
             serve_plant(options, stop=lambda: bool(shutdown), ready=ready)
         except ValueError as problem:
