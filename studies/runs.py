@@ -24,8 +24,7 @@ from colony.robots.expected import GOAL_RADIUS_MM, expected_s
 from colony.robots.navigation import CEILING_CAMERA, PLANNER
 from colony.robots.run_cameras import run_cameras
 from colony.runtime.assembly.loop import Loop, Watch
-from colony.runtime.kit.script import Script
-from colony.runtime.kit.script_local import ScriptError
+from colony.runtime.kit.script import Script, ScriptError
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.hazards.hazards import Hazards

@@ -16,7 +16,6 @@ from colony.robots.driver_watch import DriverWatch
 from colony.robots.in_thread import in_thread
 from colony.robots.recording import LiveRun, RunRecording, new_run_name, recording_into
 from colony.robots.request import RunAbortedError, RunReport, RunRequest, UserInterface
-from colony.runtime.assembly.processes.restarted_script import RestartedScript
 from colony.runtime.assembly.processes.run import HEALTH_CHECK_INTERVAL_S, START_TIMEOUT_S
 from colony.runtime.assembly.processes.window import RecordingWindow, WindowWatch
 from colony.runtime.assembly.shadow import Shadow
@@ -24,6 +23,7 @@ from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.script import Script, do, sleep
+from colony.runtime.kit.script_live import RestartedScript
 from colony.runtime.library import clock, data
 from colony.runtime.observe.summary import Tally
 from colony.runtime.protocol.bindings import bind, bound_servers

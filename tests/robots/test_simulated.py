@@ -18,7 +18,7 @@ from colony.nav.shared import ELEVATOR_CALL
 from colony.robots.described import DescribedRobot
 from colony.robots.simulated import SimulatedRobot, TruthLog, plant_spec, simulated_operator
 from colony.runtime.assembly.processes.spec import decoded_server
-from colony.runtime.kit.script_local import ScriptError
+from colony.runtime.kit.script import ScriptError
 from colony.runtime.observe.summary import Travel
 from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import RobotDirectory

@@ -16,7 +16,6 @@ from contextlib import ExitStack
 from colony.collector import gc_frozen
 from colony.runtime.assembly.processes.children import Children, Job, describe
 from colony.runtime.assembly.processes.hosting import HostedParts, leading
-from colony.runtime.assembly.processes.restarted_script import RestartedScript
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
 from colony.runtime.assembly.processes.shutdown import reporting_stalls
 from colony.runtime.assembly.processes.spec import ClientsPart, DriverFactory, SinglePart, name_of
@@ -25,6 +24,7 @@ from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError, ServerNotFoundError
 from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.script import Script
+from colony.runtime.kit.script_live import RestartedScript
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import Deployment
@@ -146,6 +146,7 @@ class ProgramDeployer:
 
 
 HEALTH_CHECK_INTERVAL_S = 0.05
+
 """Seconds between two health checks of the processes."""
 
 SHUTDOWN_GRACE_S = 2.5
