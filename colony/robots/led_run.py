@@ -24,6 +24,7 @@ from colony.robots.recording import LiveRun, RunRecording, new_run_name, recordi
 from colony.robots.request import MissionResult, RunAbortedError, RunRequest, UserInterface
 from colony.robots.scenario import Scenario, player
 from colony.runtime.assembly.nodes import build_observer
+from colony.runtime.assembly.processes.children import RunFailedError
 from colony.runtime.assembly.processes.jobs import (
     Layout,
     Processes,
@@ -31,7 +32,7 @@ from colony.runtime.assembly.processes.jobs import (
     delete_all_but_logs,
     fresh_folder,
 )
-from colony.runtime.assembly.processes.run import RunFailedError, SupervisedRun
+from colony.runtime.assembly.processes.run import SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.window import RecordingWindow
 from colony.runtime.observe.observer import BackgroundSink

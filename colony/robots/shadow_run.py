@@ -16,7 +16,8 @@ from colony.robots.driver_watch import DriverWatch
 from colony.robots.in_thread import in_thread
 from colony.robots.recording import LiveRun, RunRecording, new_run_name, recording_into
 from colony.robots.request import RunAbortedError, RunReport, RunRequest, UserInterface
-from colony.runtime.assembly.processes.run import HEALTH_CHECK_INTERVAL_S, START_TIMEOUT_S
+from colony.runtime.assembly.processes.children import HEALTH_CHECK_INTERVAL_S
+from colony.runtime.assembly.processes.run import START_TIMEOUT_S
 from colony.runtime.assembly.processes.window import RecordingWindow, WindowWatch
 from colony.runtime.assembly.shadow import Shadow
 from colony.runtime.kit.connection import Session
