@@ -260,6 +260,7 @@ class _Server:
             sock.close()
             return
         sock.setblocking(False)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, MAX_BYTES_FROM_PLANT)
         connection = _Connection(sock=sock)
         self._connections.add(connection)
         self._selector.register(sock, selectors.EVENT_READ, connection)
@@ -302,8 +303,6 @@ class _Server:
             port = checked_attachment(message, self._devices)
             if isinstance(port, AttachBase):
                 self._displace_idle_driver(port)
-            if isinstance(port, AttachCamera):  # room for an image
-                connection.sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, MAX_BYTES_FROM_PLANT)
             connection.port, connection.due_ns = port, self._devices.time_ns
             reply = Attached(began_ns=self._began_ns)
         else:

@@ -122,12 +122,12 @@ def test_a_field_reads_what_is_given_from_its_time_on(tmp_path: Path) -> None:
         step_ns=step,
     )
     devices = assembled_devices(amr, lambda: 7)
-    for server, name, given, steps in (
+    for server, name, wanted, steps in (
         ("Panel", "estop", True, 2),
         ("Panel", "estop", False, 3),
         ("Lidar", "scan", scan, 1),
     ):
-        devices.give(None, 0, server, name, 7 + steps * step, given)
+        devices.give(None, 0, server, name, 7 + steps * step, wanted)
 
     def read(server: str, name: str) -> object:
         reading = devices.device(0, server)[name]

@@ -6,22 +6,26 @@ import os
 import socket
 import time
 from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from colony.nav.maps.world_map import world_of
 from colony.runtime.library.camera import array
 from colony.runtime.protocol.images import Image
 from colony.runtime.servers.drivers import BaseState
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.scene import scene_of
 from colony.sim.config import limits_of
+from colony.sim.plant.assembly import PlantOptions
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.protocol import Attached, BaseReading, Refusal, pack
 from colony.sim.plant.servers import MAX_READING_AGE_NS, RemoteBase, RemoteCamera, RemoteProximity
 from tests.buildings import HALLWAY
-from tests.sim.plant.plants import START, PlantProcess, wait_for
+from tests.sim.plant.plants import START, PlantProcess, controlled, wait_for
 from tests.sim.robots import FRONT_CAMERA, IDEAL, RING
 from tests.waiting import PATIENCE_S
 
@@ -92,6 +96,20 @@ def test_images_are_those_of_the_camera(robot: Robot, control: PlantControl) -> 
 
     taken = wait_for(image)
     assert (array(taken) == camera.image(poses, 0, taken.t_ns + robot.origin_ns)).all()
+
+
+def test_an_image_of_a_large_camera_fits_into_a_packet(tmp_path: Path) -> None:
+    wide = replace(FRONT_CAMERA, width=640, height=480)
+    given = PlantOptions(
+        path=tmp_path / "plant",
+        world=world_of(HALLWAY),
+        robots={"rome": START},
+        cameras={"wide": wide},
+        config=IDEAL,
+    )
+    with controlled(given), closing(RemoteCamera(given.path, "rome", "wide", origin_ns=0)) as camera:
+        image = wait_for(camera.grab)
+    assert (image.width, image.height, len(image.pixels)) == (640, 480, 640 * 480)
 
 
 def test_driving_and_stopping(robot: Robot, control: PlantControl) -> None:
