@@ -23,8 +23,7 @@ from colony.runs.behavior import behavior_of
 from colony.runs.mission import run_cameras
 from colony.runs.navigation import CEILING_CAMERA, GOAL_RADIUS_MM, PLANNER, expected_s
 from colony.runtime.assembly.loop import Loop, Watch
-from colony.runtime.kit.script import Script
-from colony.runtime.kit.script_local import ScriptError
+from colony.runtime.kit.script import Script, ScriptError
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.hazards.hazards import Hazards

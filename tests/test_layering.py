@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent / "colony"
 
-BASE = {"colony", "colony.collector", "colony.extras", "colony.files", "colony.record"}
+BASE = {"colony", "colony.backoff", "colony.collector", "colony.extras", "colony.files", "colony.record"}
 ALLOWED: dict[str, set[str]] = {
     "text": set(),
     "shipped": set(),

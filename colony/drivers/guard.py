@@ -20,7 +20,6 @@ a channel has the bytes that stop the actuator, those that end the session, and 
 
 from __future__ import annotations
 
-import fcntl
 import os
 import selectors
 import signal
@@ -34,8 +33,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from colony.backoff import Backoff
 from colony.drivers import guard_packets as kinds
 from colony.drivers.link import ByteLink, open_link
+from colony.files import ClaimedError, FileClaim
 
 # --- guard outbox -------------------------------------------------------------------------------------
 #
@@ -159,14 +160,12 @@ def claimed(path: str) -> socket.socket | None:
 
     The lock is `path` with `.lock`, and contains the process id.
     """
-    lock = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(lock)
+        claim = FileClaim(f"{path}.lock")  # until this process ends
+    except ClaimedError:
         return None
     with suppress(OSError):  # where the disk is full, nobody learns the process id
-        os.pwrite(lock, f"{os.getpid():<15}\n".encode(), 0)
+        claim.sign()
     with suppress(FileNotFoundError):
         os.unlink(path)  # of a guard that was killed
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -227,7 +226,8 @@ class GuardedPort:
         self._on_status = on_status
         self.is_new = False
         self._link: ByteLink | None = None
-        self._retry_ns, self._pause_ns, self._opened_ns = 0, RETRY_NS[0], 0
+        self._retry_ns, self._opened_ns = 0, 0
+        self._retries = Backoff(*RETRY_NS)
 
     @property
     def is_open(self) -> bool:
@@ -275,7 +275,7 @@ class GuardedPort:
             return
         self.is_new, self._opened_ns = True, time.monotonic_ns()
         self._selector.register(self._link, selectors.EVENT_READ, self._read)
-        self._pause_ns = RETRY_NS[0]
+        self._retries.reset()
         self._on_status(None)
 
     def _read(self) -> None:
@@ -296,8 +296,7 @@ class GuardedPort:
         if link is not None and time.monotonic_ns() - self._opened_ns >= STABLE_NS:
             self._retry_ns = 0  # whether it can be opened again says more than why it was lost
             return
-        self._retry_ns = time.monotonic_ns() + self._pause_ns
-        self._pause_ns = min(2 * self._pause_ns, RETRY_NS[1])
+        self._retry_ns = time.monotonic_ns() + self._retries.next()
         self._on_status(why)
 
 

@@ -35,7 +35,7 @@ from colony.drivers.guarded import (
 )
 from colony.drivers.link import TCP, LinkError
 from colony.ir.types import ScalarValue, Value
-from colony.runtime.kit.background import next_pause_s
+from colony.runtime.kit.background import DeviceBackoff
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
 from colony.runtime.servers.drivers import BaseState, Reading
 
@@ -399,7 +399,7 @@ class DeviceLine(Generic[Packet]):
     # --- the thread ----------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        pause_s = 0.0
+        pauses = DeviceBackoff()
         while not self._closed.is_set():
             began = time.monotonic()
             try:
@@ -409,12 +409,11 @@ class DeviceLine(Generic[Packet]):
             except (Exception, SystemExit) as problem:
                 self._lose(problem)
                 if isinstance(problem, GuardError):
-                    pause_s = 0.0
+                    pauses.reset()
                     is_at_once = self._knows_port and self._channels
                     self._closed.wait(0.0 if is_at_once else SUCCESSOR_PAUSE_S)
                     continue
-            pause_s = next_pause_s(pause_s, time.monotonic() - began)
-            self._closed.wait(pause_s)
+            self._closed.wait(pauses.after(time.monotonic() - began))
 
     def _serve(self, connection: GuardConnection, greeted: int) -> None:
         """Take what arrives, until the connection or the device is lost, which raises."""

@@ -22,7 +22,7 @@ from colony.runs.navigation import CEILING_CAMERA, FRONT_CAMERA, PLANNER, SIDE_C
 from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError, ServerNotFoundError
 from colony.runtime.kit.script import Script, do
-from colony.runtime.kit.scripts_live import LiveScripts
+from colony.runtime.kit.script_live import LiveScripts
 from colony.runtime.library import camera, data, robot
 from colony.runtime.library.ask import CallRequest
 from colony.vision.level_camera import AHEAD, SIDE

@@ -7,9 +7,8 @@ from typing import Any
 
 import msgspec
 
-from colony.runtime.assembly.loop import LocalCamera, LocalData
+from colony.runtime.assembly.loop import LocalCamera, LocalData, LocalScripts, LocalServer
 from colony.runtime.kit.script import Script
-from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library import data
 from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.robot import PoseArguments, Position

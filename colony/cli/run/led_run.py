@@ -32,6 +32,7 @@ from colony.runs.recording import LiveRun, RunRecording, new_run_name, recording
 from colony.runs.scenario import Scenario, player
 from colony.runs.spec import MissionResult, MisuseError, RunAbortedError, RunReport, RunSpec, UserInterface
 from colony.runtime.assembly.nodes import build_observer
+from colony.runtime.assembly.processes.children import RunFailedError
 from colony.runtime.assembly.processes.jobs import (
     Layout,
     Processes,
@@ -40,7 +41,7 @@ from colony.runtime.assembly.processes.jobs import (
     delete_all_but_logs,
     fresh_folder,
 )
-from colony.runtime.assembly.processes.run import RunFailedError, SupervisedRun
+from colony.runtime.assembly.processes.run import SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.window import RecordingWindow
 from colony.runtime.kit.discovery import session_with

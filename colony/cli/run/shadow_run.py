@@ -14,8 +14,8 @@ from colony.ir.servers import DSERVER
 from colony.runs.described import DescribedRobot, additional_servers
 from colony.runs.recording import LiveRun, RunRecording, new_run_name, recording_into
 from colony.runs.spec import RunAbortedError, RunReport, RunSpec, UserInterface
-from colony.runtime.assembly.processes.restarted_script import RestartedScript
-from colony.runtime.assembly.processes.run import HEALTH_CHECK_INTERVAL_S, START_TIMEOUT_S
+from colony.runtime.assembly.processes.children import HEALTH_CHECK_INTERVAL_S
+from colony.runtime.assembly.processes.run import START_TIMEOUT_S
 from colony.runtime.assembly.processes.window import RecordingWindow, WindowWatch
 from colony.runtime.assembly.shadow import Shadow
 from colony.runtime.kit.connection import Session
@@ -23,6 +23,7 @@ from colony.runtime.kit.discovery import session_with
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.script import Script, do, sleep
+from colony.runtime.kit.script_live import RestartedScript
 from colony.runtime.library import clock, data
 from colony.runtime.observe.summary import Tally
 from colony.runtime.protocol.bindings import bind, bound_servers

@@ -15,7 +15,15 @@ from colony.files import describe as describe_error
 from colony.runs.spec import MisuseError, RunAbortedError
 from colony.runtime.assembly.limits import LIMITS
 from colony.runtime.assembly.processes import child
-from colony.runtime.assembly.processes.children import Children, Death, Job, describe
+from colony.runtime.assembly.processes.children import (
+    HEALTH_CHECK_INTERVAL_S,
+    SHUTDOWN_GRACE_S,
+    Children,
+    Death,
+    Job,
+    RunFailedError,
+    describe,
+)
 from colony.runtime.assembly.processes.jobs import (
     SERVERS,
     Layout,
@@ -24,7 +32,6 @@ from colony.runtime.assembly.processes.jobs import (
     job_of,
     limits_part,
 )
-from colony.runtime.assembly.processes.run import HEALTH_CHECK_INTERVAL_S, SHUTDOWN_GRACE_S
 from colony.runtime.assembly.processes.shutdown import Shutdown, on_signals
 from colony.runtime.assembly.processes.spec import (
     DriverError,
@@ -143,11 +150,10 @@ def serve_all(
             while not stop():
                 if notice is not None:
                     notice.poll()
-                for death in children.poll():
-                    if death.pause_s is None and death.job.essential:
-                        raise RunAbortedError(describe(death))
-                    reported.add(death)
+                children.check(reported.add)
                 time.sleep(HEALTH_CHECK_INTERVAL_S)
+        except RunFailedError as problem:
+            raise RunAbortedError(str(problem)) from None
         finally:
             with drivers:
                 children.stop(SHUTDOWN_GRACE_S)

@@ -22,6 +22,7 @@ from zlib import crc32
 
 import msgspec
 
+from colony.backoff import Backoff
 from colony.files import open_descriptor, read_all, reason, sync_folder
 from colony.runtime.protocol.messages import Stopped, Tick
 
@@ -213,7 +214,8 @@ class StopLatch:
         self._file = None if path is None else StopFile(path)
         self._report = report
         self._saved = self._unreadable = False
-        self._due_ns = self._pause_ns = 0
+        self._due_ns = 0
+        self._retries = Backoff(MIN_RETRY_NS, MAX_RETRY_NS)
         self.trouble: str | None = None
         """The reason why the file could not be read or written; None if all is well."""
         self.stopped: Stopped | None = None
@@ -265,8 +267,11 @@ class StopLatch:
         if self._unreadable or now_ns < self._due_ns:
             return
         self._write()
-        self._pause_ns = min(max(2 * self._pause_ns, MIN_RETRY_NS), MAX_RETRY_NS) if self.trouble else 0
-        self._due_ns = now_ns + (self._pause_ns or CHECK_NS)
+        if self.trouble:
+            self._due_ns = now_ns + self._retries.next()
+        else:
+            self._retries.reset()
+            self._due_ns = now_ns + CHECK_NS
 
     def close(self) -> None:
         """Close the file."""

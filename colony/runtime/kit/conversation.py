@@ -18,6 +18,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
+from colony.backoff import Backoff
 from colony.runtime.kit.errors import CallRefusedError, ConnectionLostError, RobotConnectionError
 from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import EMERGENCY_STOP, NoArguments, Open
@@ -56,7 +57,7 @@ class Pending:
     arguments: bytes = b""
     message: Call | None = None
     sent_ns: int = 0
-    resend_pause_ns: int = FIRST_RESEND_PAUSE_NS
+    resends: Backoff[int] = field(default_factory=lambda: Backoff(FIRST_RESEND_PAUSE_NS, MAX_RESEND_PAUSE_NS))
 
     def __post_init__(self) -> None:
         """Encode the arguments and check their size."""
@@ -221,8 +222,8 @@ class Conversation:
         if self._opening is not None:
             unanswered = (self._opening, *filter(_is_urgent, unanswered))
         for pending in unanswered:
-            if now_ns - pending.sent_ns >= pending.resend_pause_ns:
-                pending.resend_pause_ns = min(2 * pending.resend_pause_ns, MAX_RESEND_PAUSE_NS)
+            if now_ns - pending.sent_ns >= pending.resends.pause:
+                pending.resends.next()
                 yield self._transmit(pending, now_ns)
         if self.state is ConversationState.OPEN and now_ns - self._last_sent_ns >= KEEPALIVE_NS:
             yield self._keepalive(now_ns)

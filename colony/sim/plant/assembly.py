@@ -19,7 +19,7 @@ from colony.sim.config import RobotConfig, config_of, rome_config
 from colony.sim.devices import devices_of
 from colony.sim.hazards.hazards import Hazards, scenery_of
 from colony.sim.hazards.scenery import Scenery
-from colony.sim.plant.hardware import STEP_NS, WATCHDOG_NS, Devices, GivenFields, RobotCamera, RobotDevice
+from colony.sim.plant.hardware import STEP_NS, Devices, GivenFields, RobotCamera, RobotDevice
 from colony.sim.world.elevators import Elevators
 from colony.sim.world.movers import with_movers
 from colony.sim.world.site import SimulatedSite
@@ -36,7 +36,7 @@ class PlantOptions:
     """A plant, with the files of its world loaded.
 
     Attributes:
-        path: path of the socket, in a private folder, which is created if it is missing.
+        path: path of the socket, in the private folder of a robot that this process has claimed.
         spec: the specification of the world.
         world: its map, loaded.
         building: the building of this map, if elevators take the robots to other floors.
@@ -48,8 +48,6 @@ class PlantOptions:
             from the body alone by default.
         config: the parameters of the robots; those of the body by default, of RoME without one.
         step_ns: step of the simulation.
-        watchdog_ns: time without a command after which a base stops.
-        logical_ns: logical time that passes with each command; None for real time.
     """
 
     path: Path
@@ -63,8 +61,6 @@ class PlantOptions:
     servers: tuple[ServerSpec, ...] | None = None
     config: RobotConfig | None = None
     step_ns: int = STEP_NS
-    watchdog_ns: int = WATCHDOG_NS
-    logical_ns: int | None = None
 
     @property
     def drawn_hazards(self) -> Hazards:
@@ -78,12 +74,9 @@ def assembled_devices(options: PlantOptions, clock: Callable[[], int]) -> Device
     """Return the devices of a plant, ready to be read at once.
 
     Raises:
-        ValueError: a robot does not fit, there is no room for people, or there are several robots in logical
-            time.
+        ValueError: a robot does not fit, or there is no room for people.
         DiagnosticError: a grid is to have hazards or cameras, which require a building.
     """
-    if options.logical_ns is not None and len(options.robots) != 1:
-        raise ValueError(f"logical time with {len(options.robots)} robots; expected 1")
     config = options.config or (rome_config() if options.body is None else config_of(options.body))
     stage = _stage(options, config)
     given = GivenFields()
@@ -98,7 +91,6 @@ def assembled_devices(options: PlantOptions, clock: Callable[[], int]) -> Device
         given=given,
         now_ns=clock(),
         step_ns=options.step_ns,
-        watchdog_ns=options.watchdog_ns if options.logical_ns is None else None,
     )
     for name in stage.cameras:  # warm up, so that the first real images and readings are not slow
         devices.image(0, name)

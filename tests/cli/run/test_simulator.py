@@ -21,7 +21,7 @@ from colony.ir.types import BOOL
 from colony.nav.shared import ELEVATOR_CALL
 from colony.runs.described import DescribedRobot
 from colony.runtime.assembly.processes.spec import decoded_server
-from colony.runtime.kit.script_local import ScriptError
+from colony.runtime.kit.script import ScriptError
 from colony.runtime.observe.summary import Travel
 from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import RobotDirectory
@@ -32,9 +32,7 @@ from colony.sim.world_spec import WorldSpec
 from tests.kit.script_stage import RobotStage
 from tests.nav.floors import two_floors
 from tests.sim.plant.plants import PlantProcess, wait_for
-from tests.sim.plant.test_process import START, Line, is_frozen
-
-FRAME_NS = 50_000_000
+from tests.sim.plant.test_process import START, Line, is_frozen, standing
 
 
 @pytest.fixture
@@ -46,27 +44,27 @@ def robot_address(tmp_path: Path) -> Local:
 
 @pytest.fixture
 def plant(robot_address: Local) -> Iterator[PlantProcess]:
-    """A plant whose time passes by commands alone, so that the way is the same in every run."""
     path = plant_socket(robot_address.directory.path)
-    with PlantProcess(path, {"rome": START}, logical_ns=FRAME_NS) as running:
+    with PlantProcess(path, {"rome": START}) as running:
         yield running
 
 
-def drive(plant: PlantProcess, frames: int) -> Travel:
-    """DriveBase for so many frames; gives what is true then."""
-    line = Line(plant.path, pack(AttachBase(robot="rome")))
-    assert isinstance(line.hear(), Attached)
-    for number in range(1, frames + 1):
-        line.sock.sendall(pack(DriveBase(velocity=500.0, turn=0.0, number=number)))
-        assert isinstance(line.hear(), BaseReading)
-    line.close()
+def drive(plant: PlantProcess, way_mm: float) -> Travel:
+    """Drive so far or a little farther, and stop; return the travel then."""
     with PlantControl(plant.path) as control:
-        truth = control.truth("rome")
+        end_mm = control.truth("rome").distance + way_mm
+        line = Line(plant.path, pack(AttachBase(robot="rome")))
+        assert isinstance(line.hear(), Attached)
+        while control.truth("rome").distance < end_mm:
+            line.sock.send(pack(DriveBase(velocity=500.0, turn=0.0)))
+            assert isinstance(line.hear(), BaseReading)
+        line.close()
+        truth = standing(control, "rome")
     return Travel(bumps=truth.bumps, distance_mm=truth.distance)
 
 
 def seen(log: TruthLog, travel: Travel) -> None:
-    """ViewDirection until the log has got this far: it looks not too often."""
+    """Poll until the log has got this far: it asks not too often."""
     wait_for(lambda: log.poll() and log.travel == travel)
 
 
@@ -74,16 +72,15 @@ def test_the_way_of_a_plant_that_was_frozen_is_counted_once(
     robot_address: Local, plant: PlantProcess
 ) -> None:
     log = TruthLog(robot_address)
-    seen(log, drive(plant, 40))
+    seen(log, drive(plant, 400.0))
     first = log.travel
-    assert first.distance_mm > 500.0
     plant.process.send_signal(signal.SIGSTOP)
     wait_for(lambda: is_frozen(plant.process.pid))
     wait_for(lambda: not log.poll())  # its answer does not come, and the connection is given up
     assert log.travel == first
     plant.process.send_signal(signal.SIGCONT)
-    second = drive(plant, 40)
-    assert second.distance_mm > first.distance_mm + 500.0
+    second = drive(plant, 200.0)
+    assert second.distance_mm >= first.distance_mm + 200.0
     seen(log, second)
     log.close()
     assert log.travel == second
@@ -96,13 +93,13 @@ def test_the_way_of_a_plant_that_died_is_added_to_that_of_the_next(
     robot_address: Local, plant: PlantProcess
 ) -> None:
     log = TruthLog(robot_address)
-    seen(log, drive(plant, 40))
+    seen(log, drive(plant, 400.0))
     first = log.travel
     plant.kill()
     wait_for(lambda: not log.poll())
     assert log.travel == first
     plant.start_again()
-    second = drive(plant, 20)
+    second = drive(plant, 20.0)
     assert 0.0 < second.distance_mm < first.distance_mm
     both = Travel(bumps=first.bumps + second.bumps, distance_mm=first.distance_mm + second.distance_mm)
     seen(log, both)
@@ -114,9 +111,9 @@ def test_a_plant_that_is_asked_by_another_connection_is_the_same(
     robot_address: Local, plant: PlantProcess
 ) -> None:
     log = TruthLog(robot_address)
-    seen(log, drive(plant, 10))
+    seen(log, drive(plant, 50.0))
     log.close()
-    whole = drive(plant, 10)
+    whole = drive(plant, 50.0)
     seen(log, whole)
     log.close()
     assert log.travel == whole
@@ -176,7 +173,7 @@ def test_a_simulator_starts_from_the_claim_of_its_supervisor_until_it_takes_driv
         assert not is_simulator_starting(robot)  # all devices are real
         (served / f"{SIMULATOR}.json").touch()
         assert is_simulator_starting(robot)
-        with socket.socket(socket.AF_UNIX) as plant:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as plant:
             plant.bind(str(plant_socket(directory.path)))
             assert is_simulator_starting(robot)  # the socket of one that was killed
     with directory.claim(SIMULATOR):
@@ -186,7 +183,7 @@ def test_a_simulator_starts_from_the_claim_of_its_supervisor_until_it_takes_driv
 def test_a_simulator_that_is_frozen_is_not_starting(tmp_path: Path) -> None:
     directory = RobotDirectory(tmp_path / "r", "rome")
     directory.prepare()
-    with directory.claim(SIMULATOR), socket.socket(socket.AF_UNIX) as plant:
+    with directory.claim(SIMULATOR), socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as plant:
         plant.bind(str(plant_socket(directory.path)))
         plant.listen()
         assert not is_simulator_starting(Local(directory))

@@ -30,8 +30,7 @@ from colony.nav.shared import (
     GoalKind,
 )
 from colony.runtime.kit.errors import CallRefusedError
-from colony.runtime.kit.script import Script, do, sleep
-from colony.runtime.kit.script_local import ScriptError
+from colony.runtime.kit.script import Script, ScriptError, do, sleep
 from colony.runtime.library import data, robot
 from colony.runtime.library.robot import Position
 from colony.sim.cameras.ceiling import CeilingCamera

@@ -14,9 +14,16 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 
 from colony.collector import gc_frozen
-from colony.runtime.assembly.processes.children import Children, Job, describe
+from colony.runtime.assembly.processes.children import (
+    HEALTH_CHECK_INTERVAL_S,
+    SHUTDOWN_GRACE_S,
+    Children,
+    Death,
+    Job,
+    RunFailedError,
+    describe,
+)
 from colony.runtime.assembly.processes.hosting import HostedParts, leading
-from colony.runtime.assembly.processes.restarted_script import RestartedScript
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
 from colony.runtime.assembly.processes.shutdown import reporting_stalls
 from colony.runtime.assembly.processes.spec import ClientsPart, DriverFactory, SinglePart, name_of
@@ -25,6 +32,7 @@ from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError, ServerNotFoundError
 from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.script import Script
+from colony.runtime.kit.script_live import RestartedScript
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import Deployment
@@ -145,21 +153,8 @@ class ProgramDeployer:
 # --- run -----------------------------------------------------------------------------------------------
 
 
-HEALTH_CHECK_INTERVAL_S = 0.05
-"""Seconds between two health checks of the processes."""
-
-SHUTDOWN_GRACE_S = 2.5
-"""Grace period of a shutdown wave in seconds before its processes are killed.
-
-It is longer than the processes need to end on their own.
-"""
-
 START_TIMEOUT_S = 20.0
 """Timeout in seconds for a run to begin."""
-
-
-class RunFailedError(Exception):
-    """The run cannot begin or continue; the message, of one line or several, gives the reason."""
 
 
 class SupervisedRun:
@@ -281,7 +276,7 @@ class SupervisedRun:
                 return False
             if time.monotonic() > deadline:
                 raise RunFailedError(f"{what} takes longer than {timeout_s:g} s")
-            self._check_children()
+            self._children.check(self._note_death, self._requires)
             self._window.changed.wait(HEALTH_CHECK_INTERVAL_S)
         return True
 
@@ -307,7 +302,7 @@ class SupervisedRun:
             if stop():
                 self._window.shut()
                 return False
-            self._check_children()
+            self._children.check(self._note_death, self._requires)
             self._check(deployer, late=time.monotonic() > begin_by)
             failure = self._clock_watch.check(time.monotonic())
             if failure is not None:
@@ -363,16 +358,10 @@ class SupervisedRun:
         if killed:
             self._report(f"killed, because they did not end in time: {', '.join(killed)}")
 
-    def _check_children(self) -> None:
-        for death in self._children.poll():
-            text = describe(death)
-            restarted = death.pause_s is not None
-            self._status_tracker.record_death(
-                death.job.clients, death.tail[-1] if death.tail else death.cause, restarted=restarted
-            )
-            if not restarted and self._requires(death.job):
-                raise RunFailedError(text)
-            self._report(text)
+    def _note_death(self, death: Death) -> None:
+        reason, restarted = death.tail[-1] if death.tail else death.cause, death.pause_s is not None
+        self._status_tracker.record_death(death.job.clients, reason, restarted=restarted)
+        self._report(describe(death))
 
     def _requires(self, job: Job) -> bool:
         """Return True if the run must end because this process died: it is essential, or it never joined.

@@ -20,7 +20,7 @@ import re
 import stat
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,10 +28,12 @@ import msgspec
 
 from colony.files import (
     NO_ROOM,
+    ClaimedError,
+    FileClaim,
     UnsuitableFileError,
+    claim_holder,
     limit_advice,
     naming,
-    open_descriptor,
     read_file,
     reason,
 )
@@ -127,17 +129,11 @@ MAX_SOCKET_PATH_BYTES = 107
 FORBIDDEN_CHARACTERS = "#?"
 """Characters that end the address in a zenoh endpoint, and so cannot be in a socket's path."""
 
-CLAIM_BYTES = 32
-"""Size of a claim in bytes: a process id, padded with blanks."""
-
 BASE_BYTES = 4096
 """Size limit in bytes of the file `base`."""
 
 SLOTS = 32
 """Maximum number of servers whose names not every robot has, such as devices and servers of users."""
-
-CLAIM_TRIES = 10
-CLAIM_PAUSE_S = 0.01
 
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
@@ -257,7 +253,7 @@ class RobotDirectory:
             if server in holders:
                 return holders.index(server)
             for number, holder in enumerate(holders):
-                if holder is None or _holder(self.path / f"{holder}.claim") is None:
+                if holder is None or claim_holder(self.path / f"{holder}.claim") is None:
                     links[number].unlink(missing_ok=True)
                     links[number].symlink_to(self.socket(server).name)
                     return number
@@ -274,10 +270,10 @@ class RobotDirectory:
 
     def running(self) -> Mapping[str, int]:
         """Return the running servers with their process ids."""
-        pids = {p.stem: _holder(p) for p in sorted(self.path.glob("*.claim"))}
+        pids = {p.stem: claim_holder(p) for p in sorted(self.path.glob("*.claim"))}
         return {name: pid for name, pid in pids.items() if pid is not None}
 
-    def claim(self, server: str) -> RobotClaim:
+    def claim(self, server: str) -> FileClaim:
         """Claim to be the only process that serves `server`, until the claim is closed or the process ends.
 
         Raises:
@@ -286,20 +282,17 @@ class RobotDirectory:
         """
         self.prepare()
         path = self.socket(server).with_suffix(".claim")
-        with in_run_directory(path):
-            descriptor = open_descriptor(path, os.O_RDWR | os.O_CREAT)
+        with in_run_directory(path), ExitStack() as resources:
             try:
-                if not _try_lock(descriptor):
-                    holder = os.read(descriptor, CLAIM_BYTES).decode("ascii", "replace").strip()
-                    raise AlreadyRunningError(
-                        f"{server} of {self.robot} is already running, as process {holder or 'unknown'}: "
-                        "end it first, or give another --robot"
-                    )
-                _write_holder(descriptor, str(os.getpid()))
-            except BaseException:
-                os.close(descriptor)
-                raise
-        return RobotClaim(descriptor)
+                claim = resources.enter_context(FileClaim(path))
+            except ClaimedError as holder:
+                raise AlreadyRunningError(
+                    f"{server} of {self.robot} is already running, as process {holder}: "
+                    "end it first, or give another --robot"
+                ) from None
+            claim.sign()
+            resources.pop_all()
+        return claim
 
     def origin_ns(self, *, monotonic: Callable[[], int] = time.monotonic_ns) -> int:
         """Return the time on the monotonic clock at which the robot's time is 0.
@@ -325,29 +318,6 @@ class RobotDirectory:
                 temporary.write_bytes(msgspec.json.encode(new))
             temporary.replace(path)
             return new.origin_ns
-
-
-class RobotClaim:
-    """An exclusive claim to serve, held by a lock on a file. Mutable."""
-
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-
-    def close(self) -> None:
-        """Release the claim. Idempotent."""
-        if self._descriptor >= 0:
-            descriptor, self._descriptor = self._descriptor, -1
-            with suppress(OSError):
-                _write_holder(descriptor, "")
-            os.close(descriptor)
-
-    def __enter__(self) -> RobotClaim:
-        """Return the claim."""
-        return self
-
-    def __exit__(self, *raised: object) -> None:
-        """Release the claim."""
-        self.close()
 
 
 class _SavedOrigin(msgspec.Struct, frozen=True, kw_only=True):
@@ -395,43 +365,6 @@ def _check_private(folder: Path) -> None:
             f"{folder} is open to others (mode {stat.S_IMODE(status.st_mode):04o}), who could drive the "
             f"robot: `chmod 700 {folder}`"
         )
-
-
-def _write_holder(descriptor: int, holder: str) -> None:
-    """Overwrite the holder noted in a claim.
-
-    The file keeps its size, so that a server can be restarted even when the disk is full.
-    """
-    os.pwrite(descriptor, f"{holder:<{CLAIM_BYTES - 1}}\n".encode(), 0)
-
-
-def _try_lock(descriptor: int) -> bool:
-    """Try to lock a file, several times, because a process that reads the holder also locks it briefly."""
-    for _ in range(CLAIM_TRIES):
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            time.sleep(CLAIM_PAUSE_S)
-        else:
-            return True
-    return False
-
-
-def _holder(path: Path) -> int | None:
-    """Return the id of the process that holds the lock of a claim, or None."""
-    try:
-        descriptor = open_descriptor(path)
-    except (FileNotFoundError, UnsuitableFileError):
-        return None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        text = os.read(descriptor, CLAIM_BYTES).strip()
-        return int(text) if text.isdigit() else None
-    else:
-        return None
-    finally:
-        os.close(descriptor)
 
 
 def _too_long(path: Path, size: int) -> str:

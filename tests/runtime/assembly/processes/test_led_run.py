@@ -10,8 +10,8 @@ import pytest
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame, Outcome
 from colony.runtime.assembly.nodes import build_observer
-from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.run import RunFailedError, SupervisedRun
+from colony.runtime.assembly.processes.children import Job, RunFailedError
+from colony.runtime.assembly.processes.run import SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.window import RecordingWindow
 from colony.runtime.frames.run_frame import RunFrame

@@ -12,9 +12,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from colony.files import CLAIM_BYTES
 from colony.runtime.transport.live import run_directory as module
 from colony.runtime.transport.live.run_directory import (
-    CLAIM_BYTES,
     MAX_SOCKET_PATH_BYTES,
     SLOTS,
     AlreadyRunningError,

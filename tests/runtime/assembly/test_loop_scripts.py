@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.runtime.kit.errors import CallRefusedError, ServerNotFoundError
-from colony.runtime.kit.script import Script, do, sleep
-from colony.runtime.kit.script_local import ScriptError
+from colony.runtime.kit.script import Script, ScriptError, do, sleep
 from colony.runtime.library import data, robot
 from tests.kit.script_stage import FRAME_NS, ScriptStage
 
