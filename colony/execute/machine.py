@@ -31,9 +31,10 @@ from colony.execute.code import (
     Winner,
 )
 from colony.execute.decisions import ActuatorDecision
-from colony.execute.intake import Records, age_limits, of_age, validate_reading
+from colony.execute.intake import Records, of_age
 from colony.execute.operators import FUNCTIONS, Operator
 from colony.execute.python_step import PythonStep
+from colony.execute.sensors import age_limits, validate_reading
 from colony.ir.frame import Answer, Frame, FrameEvent
 from colony.ir.types import Array, Bool, Enum
 from colony.text.diagnostics import DiagnosticError, error

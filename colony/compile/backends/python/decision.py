@@ -12,7 +12,7 @@ from colony.compile.backends.python.expressions import ExpressionTexts
 from colony.compile.backends.python.plan import ActuatorPlan
 from colony.compile.backends.python.text import NumberRange, Precedence, UniqueNames, literal
 from colony.execute.code import LimitCode
-from colony.execute.intake import members, stand_in
+from colony.execute.sensors import members, stand_in
 from colony.ir.program import ActuatorField, Sensor, in_declared_units
 from colony.ir.types import Array, Bool, ScalarValue, Value, element_type
 

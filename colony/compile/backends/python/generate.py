@@ -34,9 +34,9 @@ from colony.compile.backends.python.text import Precedence, UniqueNames, literal
 from colony.execute import arithmetic, intake, python_step, settle
 from colony.execute.code import ClientCode, FrameTime, PythonCall
 from colony.execute.compiled import Compiled
-from colony.execute.intake import age_limits
 from colony.execute.machine import defaults, field_types
 from colony.execute.needs import whole_view
+from colony.execute.sensors import age_limits
 from colony.ir import angles
 from colony.ir.version import SEMANTICS
 from colony.text.diagnostics import DiagnosticError, error

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 from colony.execute.arithmetic import divide, round_down, round_even, round_up, square_root
 from colony.execute.code import Apply, Code, Kind, Literal, Op, SensorElement, Table
-from colony.execute.intake import members, stand_in
 from colony.execute.operators import Operator
+from colony.execute.sensors import members, stand_in
 from colony.ir.program import Sensor
 
 # --- names --------------------------------------------------------------------------------------------
