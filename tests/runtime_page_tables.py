@@ -198,7 +198,7 @@ def _functions(module: types.ModuleType) -> dict[str, _Function]:
     for name, function in vars(module).items():
         if not inspect.isfunction(function) or name.startswith("_"):
             continue
-        if not str(inspect.signature(function).return_annotation).startswith("Ask"):
+        if not str(inspect.signature(function).return_annotation).startswith("CallRequest"):
             continue
         ask = function(*_samples(function))
         found[ask.method] = _Function(name, ask, _signature(function), _meaning(function))

@@ -193,8 +193,7 @@ def scene_for(program: Program, title: str, map_path: str | None, robot: str | N
     """
     from colony.compile.pipeline import compile_program
     from colony.runs.described import described_robot
-    from colony.watch.map import footprint_of
-    from colony.watch.scene import scene_of
+    from colony.watch.scene import footprint_of, scene_of
 
     world = None
     if map_path is not None:

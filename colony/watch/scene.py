@@ -1,7 +1,7 @@
 """What a page shows of a program once, before any frame: its sensors, commands, modules, contracts, network.
 
 A `PageScene` is data that the page draws; it decides nothing. Names and order are those of the program, and a
-`Snapshot` refers to them by index.
+`PageFrame` refers to them by index.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, assert_never
 
+from colony.body.model import Body, Polygon, radius_mm
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
 from colony.compile.passes.elaborate import elaborate
 from colony.ir.expression import SensorValue
@@ -314,3 +315,26 @@ def _node_kind(node: ModuleLeaf | Suppressor | Inhibitor) -> str:
 def _window_s(network: Network, index: int) -> float:
     node = network.nodes[index]
     return 0.0 if isinstance(node, ModuleLeaf) else node.window_ns / 1e9
+
+
+# --- footprint -----------------------------------------------------------------------------------------
+#
+# The footprint of a robot, for a page.
+
+
+def footprint_of(body: Body) -> tuple[tuple[float, float], ...]:
+    """Return the corners of a robot, x ahead and y left, in mm."""
+    footprint = body.chassis.footprint
+    if isinstance(footprint, Polygon):
+        return tuple((corner.x_mm, corner.y_mm) for corner in footprint.corners)
+    return circle(radius_mm(body))
+
+
+CORNERS = 24
+"""Corners of a circle in a picture."""
+
+
+def circle(radius: float) -> tuple[tuple[float, float], ...]:
+    """Return the corners of a circle."""
+    angles = [2.0 * math.pi * i / CORNERS for i in range(CORNERS)]
+    return tuple((round(radius * math.cos(a), 1), round(radius * math.sin(a), 1)) for a in angles)

@@ -13,7 +13,7 @@ MS = 1_000_000
 
 
 def test_the_examples_of_the_docstrings() -> None:
-    assert doctest.testmod(wording) == (0, 9)
+    assert doctest.testmod(wording) == (0, 10)
 
 
 @pytest.mark.parametrize(

@@ -243,7 +243,7 @@ def _send_until_heard(box: Outbox, batch: list[SendMessage], node: Recorder) -> 
         with suppress(AssertionError):
             until(lambda: len(node.got) >= heard, "all of the batch is heard", patience_s=10.0)
             break
-    assert len(node.got) == heard
+    assert len(node.got) >= heard  # more where a batch was heard late, and again
 
 
 def _asks(k: int, client: str) -> Request:
