@@ -93,6 +93,11 @@ class Word:
 
 
 @dataclass(frozen=True, slots=True)
+class Flag:
+    """True or false."""
+
+
+@dataclass(frozen=True, slots=True)
 class Text:
     """A text that matches a pattern as a whole; `form` describes it in messages."""
 
@@ -144,7 +149,9 @@ class Options:
     """The keys of the table that are not fields: texts, numbers and bools, read as a dictionary."""
 
 
-Kind = Measure | AnyAmount | Interval | Whole | Word | Text | Many | Row | Table | OneOf | Named | Options
+Kind = (
+    Measure | AnyAmount | Interval | Whole | Word | Flag | Text | Many | Row | Table | OneOf | Named | Options
+)
 
 
 class Entry(NamedTuple):

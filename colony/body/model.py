@@ -38,6 +38,7 @@ from colony.body.kinds import (
     Word,
     entry,
 )
+from colony.body.ros2 import Node, Topic
 from colony.ir.servers import RSERVER
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME
 
@@ -325,6 +326,14 @@ class Server:
     hardware: Hardware | None = entry(
         "hardware", Table(Hardware), "the driver of the real device", default=None
     )
+    ros2: Mapping[str, Topic] = entry(
+        "ros2", Named(Table(Topic)), "the topics of its fields and commands, in place of a driver", default={}
+    )
+
+    @property
+    def is_real(self) -> bool:
+        """True if it has a real device: with a driver, or on topics of ROS 2."""
+        return self.hardware is not None or bool(self.ros2)
 
     def rate_of(self, field: str) -> float | None:
         """Return how often a field is measured, in Hz; None for each frame."""
@@ -343,6 +352,7 @@ class Body:
 
     robot: Identity = entry("robot", Table(Identity), "whose body it is")
     chassis: Chassis = entry("body", Table(Chassis), "its shape and its drive")
+    ros2: Node = entry("ros2", Table(Node), "its node", default=Node())
     servers: Mapping[str, Server] = entry("server", Named(Table(Server)), "its servers by name", default={})
 
     def device(self, server: str) -> Device | None:

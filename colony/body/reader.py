@@ -17,6 +17,7 @@ from colony.body.kinds import (
     Amount,
     AnyAmount,
     Entry,
+    Flag,
     Interval,
     Kind,
     Many,
@@ -206,6 +207,8 @@ class _Reader:
                 return self._whole(kind, value, keys)
             case Word():
                 return self._word(kind, value, keys)
+            case Flag():
+                return value if isinstance(value, bool) else self._wrong(keys, value, "true or false")
             case Text():
                 is_valid = isinstance(value, str) and len(value) <= 200 and re.fullmatch(kind.pattern, value)
                 return value if is_valid else self._wrong(keys, value, kind.form)

@@ -15,6 +15,7 @@ from colony.body.kinds import (
     NAME,
     NUMBER_PATTERN,
     AnyAmount,
+    Flag,
     Interval,
     Kind,
     Many,
@@ -56,6 +57,8 @@ def _schema(kind: Kind) -> Schema:
             return {"type": "integer", "minimum": kind.low, "maximum": kind.high}
         case Word():
             return {"enum": list(kind.words)}
+        case Flag():
+            return {"type": "boolean"}
         case Text():
             return _text(kind.pattern) | {"maxLength": 200}
         case Many():

@@ -8,10 +8,11 @@ from pathlib import Path
 
 from colony.body.devices import Base, Camera, CeilingCamera, Proximity
 from colony.body.model import Body, Server
-from colony.body.servers import in_declared_units
+from colony.body.servers import in_declared_units, in_ros_units
 from colony.ir.program import DEFAULT_FRAME_NS
-from colony.ir.servers import COMMON_SERVERS, PROXIMITY, RSERVER
+from colony.ir.servers import COMMON_SERVERS, PROXIMITY, RSERVER, ServerSpec
 from colony.robots.described import DescribedRobot
+from colony.robots.ros2_devices import ros2_hardware
 from colony.runtime.assembly.processes.jobs import RobotDevices
 from colony.runtime.assembly.processes.spec import PORT, Hardware
 from colony.runtime.servers.drivers import BaseLimits
@@ -36,20 +37,27 @@ def real_devices(robot: DescribedRobot) -> RobotDevices:
     hardware = {
         name: _hardware(robot, name, server)
         for name, server in body.servers.items()
-        if server.hardware is not None and not isinstance(server.simulated, Camera | CeilingCamera)
+        if server.is_real and not isinstance(server.simulated, Camera | CeilingCamera)
     }
     bases = {name for name in hardware if isinstance(body.device(name), Base)}
     common = {spec.name for spec in COMMON_SERVERS}
     return RobotDevices(
         base=_limits(body) if bases else None,
         servers=tuple(
-            spec if robot.interface is None else in_declared_units(spec, robot.interface)
-            for spec in robot.servers
-            if spec.name in hardware.keys() - bases
+            _in_units_of_driver(spec, robot) for spec in robot.servers if spec.name in hardware.keys() - bases
         ),
         hardware=hardware,
         absent=tuple(s.name for s in robot.servers if s.name not in hardware and s.name not in common),
     )
+
+
+def _in_units_of_driver(spec: ServerSpec, robot: DescribedRobot) -> ServerSpec:
+    if robot.interface is None:
+        return spec
+    server = robot.body.servers[spec.name]
+    if server.ros2:
+        return in_ros_units(spec, server, robot.interface)
+    return in_declared_units(spec, robot.interface)
 
 
 def mixed_devices(robot: DescribedRobot) -> RobotDevices:
@@ -91,7 +99,8 @@ def _limits(body: Body) -> BaseLimits:
 
 def _hardware(robot: DescribedRobot, name: str, server: Server) -> Hardware:
     """Return the driver of a server, whose module is searched beside the body and in the current folder."""
-    assert server.hardware is not None
+    if server.hardware is None:
+        return ros2_hardware(name, robot.body, robot.interface)
     folders = [] if robot.path is None else [str(Path(robot.path).resolve().parent)]
     where = "" if robot.path is None else f"{robot.path}: "
     return Hardware(

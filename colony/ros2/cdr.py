@@ -16,6 +16,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, assert_never
 
+from colony.text.wording import counted
+
 Definition = Sequence[tuple[str, str]]
 """The fields of a message: name and type of each."""
 
@@ -149,7 +151,7 @@ def decode(kind: Structure, data: bytes) -> dict[str, Any]:
     except MessageError as problem:
         raise MessageError(f"`{kind.name}` is damaged: {problem}") from None
     if (rest := len(data) - reader.at) > MAX_TRAILING:
-        raise MessageError(f"`{kind.name}` is damaged: {rest} bytes are left")
+        raise MessageError(f"`{kind.name}` is damaged: {counted(rest, 'byte')} left")
     return found
 
 
@@ -190,7 +192,8 @@ class _Reader:
         at = self.at
         self.at = at + size
         if self.at > len(self._data):
-            raise MessageError(f"{self.at - len(self._data)} bytes are missing in `{self.field}`")
+            missing = counted(self.at - len(self._data), "byte")
+            raise MessageError(f"{missing} missing in `{self.field}`")
         return at
 
     def _numbers(self, kind: Number, count: int) -> tuple[Any, ...]:

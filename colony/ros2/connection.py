@@ -188,7 +188,7 @@ class Connection:
         self._socket: socket.socket | None = None
         self._numbers = 0
         self._heard_s = 0.0
-        self._is_settled = False
+        self._is_up = self._is_settled = False
         self._clock = SimulatedClock()
         self._problem: str | None = None
         self._problems: OnceReporter | None = None
@@ -290,7 +290,7 @@ class Connection:
     def _ask(self, output: Output) -> None:
         """Send the stop of an output, if the bridge knows it."""
         connection, channel = self._socket, self._outputs.index(output)
-        if connection is None or channel >= self._sent[1]:
+        if connection is None or not self._is_up or channel >= self._sent[1]:
             return
         output.asked_s = time.monotonic()
         with suppress(OSError):  # the thread finds the bridge gone, or its silence
@@ -415,7 +415,7 @@ class Connection:
         if "graph" in report:
             self._heard_s = time.monotonic()
             self._clock.note(report["t_ns"], report["ros_ns"])
-            self._is_settled = report["settled"]
+            self._is_up, self._is_settled = True, report["settled"]
             self._take_graph(report["graph"])
             self._note_success()
 
@@ -436,7 +436,7 @@ class Connection:
 
     def _forget(self) -> None:
         """Forget what a bridge that ends has heard; another one is asked for all stops again."""
-        self._socket, self._is_settled = None, False
+        self._socket, self._is_up, self._is_settled = None, False, False
         self._clock = SimulatedClock()
         for each in self._inputs:
             each.incoming.put(None)

@@ -224,7 +224,7 @@ class Ros2Device(_Driver):
             ValueError: the message cannot have these values.
         """
         command, output = self._commands[name], self._outputs[name]
-        if command.kind is None:
+        if command.kind is None and not command.is_twist:
             command.kind = self._connection.kind(command.type)
         self._connection.decide(output, command.payload(values))
 
@@ -301,7 +301,7 @@ class _Command:
         self.kind: Structure | None = None
         self._parameters: Mapping[str, str] = topic.get("parameters") or {}
         self._texts = {number: name for name, number in (topic.get("members") or {}).items()}
-        self._is_twist = self.type in _TWISTS
+        self.is_twist = self.type in _TWISTS
 
     def payload(self, values: Mapping[str, ScalarValue]) -> bytes:
         """Return the payload of a command.
@@ -309,7 +309,7 @@ class _Command:
         Raises:
             ValueError: the message cannot have these values.
         """
-        if self._is_twist:
+        if self.is_twist:
             axes = {self._parameters.get(name, _DRIVE.get(name, name)): v for name, v in values.items()}
             if unknown := axes.keys() - set(_AXES):
                 raise ValueError(f"a twist has no `{min(unknown)}`")

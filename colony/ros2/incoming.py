@@ -183,4 +183,4 @@ def angle(rotation: Mapping[str, float], name: str) -> float:
     if name == "pitch":
         return math.asin(max(-1.0, min(1.0, 2.0 * (w * y - z * x))))
     yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return yaw if name == "yaw" else (yaw - math.pi / 2.0) % math.tau
+    return yaw if name == "yaw" else (yaw - math.pi / 2.0) % math.tau % math.tau

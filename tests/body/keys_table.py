@@ -7,6 +7,7 @@ from typing import assert_never
 
 from colony.body.kinds import (
     AnyAmount,
+    Flag,
     Interval,
     Kind,
     Many,
@@ -68,6 +69,8 @@ def _value(kind: Kind) -> str:
             return "whole number"
         case Word():
             return " or ".join(f'`"{word}"`' for word in kind.words)
+        case Flag():
+            return "true or false"
         case Text():
             return kind.form
         case Many():
