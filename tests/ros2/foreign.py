@@ -39,6 +39,7 @@ DEFAULTS = {
     "timeout_s": None,
     "second": None,  # type of a second publisher of cmd_vel
     "clock": None,  # rate of a simulated clock, 0 for one that stands still
+    "near": False,  # something is 0.3 m away all around
     "others": {},  # topics that it publishes: [type, values, quality]
     "hears": {},  # topics that it hears besides: type
 }
@@ -121,6 +122,7 @@ class Robot:
         print(json.dumps(row), flush=True)
 
     scan_ns = 0
+    near = False
 
     def hear_stamped(self, message: TwistStamped) -> None:
         self.hear(message.twist, message.header.stamp, message.header.frame_id)
@@ -163,8 +165,13 @@ class Robot:
             self.stamp(scan.header)
             scan.header.frame_id = self.settings["frame"]
             scan.ranges = [self.distance(self.yaw + 2 * math.pi * i / count) for i in range(count)]
+            if self.settings["near"]:
+                scan.ranges = [0.3] * count
             self.scan_ns = time.monotonic_ns()
             self.scans.publish(scan)
+            if self.settings["near"] != self.near:
+                self.near = self.settings["near"]
+                print(json.dumps({"near": self.near, "t": self.scan_ns}), flush=True)
         for topic, (class_, publisher) in self.others.items():
             if publisher is None or topic not in self.settings["others"]:
                 continue

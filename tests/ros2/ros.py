@@ -107,7 +107,8 @@ while True:
 class Foreign:
     """A foreign robot. Mutable: what it has heard.
 
-    `heard` are its twists, `others` the messages of other topics by name.
+    `heard` are its twists, `others` the messages of other topics by name, `near` the times at which it began
+    to publish that something is near, or no more.
     """
 
     def __init__(self, process: subprocess.Popen[bytes]) -> None:
@@ -115,6 +116,7 @@ class Foreign:
         self.is_ready = False
         self.heard: list[dict[str, Any]] = []
         self.others: dict[str, list[dict[str, Any]]] = {}
+        self.near: list[tuple[bool, int]] = []
         threading.Thread(target=self._read, daemon=True).start()
 
     def _read(self) -> None:
@@ -125,6 +127,8 @@ class Foreign:
                 self.others.setdefault(row["topic"], []).append(row["data"])
             elif "ready" in row:
                 self.is_ready = True
+            elif "near" in row:
+                self.near.append((row["near"], row["t"]))
             else:
                 self.heard.append(row)
 
@@ -146,6 +150,17 @@ class Foreign:
         """Return True if the last ten twists were zero, and none came for a while."""
         last = self.heard[-10:]
         return len(last) == 10 and not any(r["v"] or r["w"] for r in last) and _age_s(last[-1]) > 0.5
+
+
+def freeze(pid: int) -> None:
+    """Freeze a process, and wait until all its threads stand."""
+    os.kill(pid, signal.SIGSTOP)
+    tasks = Path(f"/proc/{pid}/task")
+    until(lambda: all(_state(task) == "T" for task in tasks.iterdir()), "it is frozen")
+
+
+def _state(task: Path) -> str:
+    return (task / "stat").read_text().rpartition(")")[2].split()[0]
 
 
 def _age_s(row: dict[str, Any]) -> float:

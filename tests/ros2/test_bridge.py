@@ -16,7 +16,7 @@ import pytest
 from colony.ros2.connection import BRIDGE
 from colony.ros2.drivers import Ros2Base, Ros2Device
 from tests.cli.machine import children_of
-from tests.ros2.ros import DRIVE, ODOM, SCAN, Foreign, Ros
+from tests.ros2.ros import DRIVE, ODOM, SCAN, Foreign, Ros, freeze
 from tests.waiting import until
 
 genuine = pytest.mark.ros2
@@ -261,7 +261,7 @@ def test_a_frozen_bridge_acknowledges_no_stop(ros: Ros) -> None:
     driver, robot = base(ros, reports), ros.foreign()
     drive_until(driver, robot.drives, "it drives")
     (bridge,) = [int(pid) for pid in children_of(os.getpid()) if is_bridge(int(pid))]
-    os.kill(bridge, signal.SIGSTOP)
+    freeze(bridge)
     driver.stop()
     assert driver.unreached is not None
     until(lambda: driver.unreached is None, "the successor has stopped it", patience_s=60.0)
