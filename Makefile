@@ -32,8 +32,8 @@ test-thorough: $(DEV)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m thorough tests
 
 ros2: $(DEV)
-	$(BIN)/python -m tests.ros2.environment
-	$(BIN)/python -m pytest -n 0 -m ros2 tests/ros2
+	-$(BIN)/python -m tests.ros2.environment
+	$(BIN)/python -m pytest -n 0 -rs -m ros2 tests/ros2
 
 browser: $(DEV)
 	npm install --silent --no-audit --no-fund --no-save --prefix build/axe axe-core@4.14.1

@@ -13,10 +13,11 @@ Packets to the bridge, by their first byte:
     c  settings in JSON: the first packet has the node; later ones add topics
     d  a decided command: channel, time of the decision (CLOCK_MONOTONIC in ns), payload
     s  a stop: channel, number. It is published at once, and answered
+    p  a question whether the bridge is alive: number
 
 Packets from the bridge:
     m  a message: channel, time of arrival (CLOCK_MONOTONIC in ns), ROS time then (ns), CDR
-    a  the answer to a stop: number, then the reason why it was not published; empty if it was
+    a  the answer: number, then the reason why the stop was not published; empty if it was
     j  a report in JSON
 
 The payload of a twist is its six doubles: the bridge makes the type of them that the subscribers expect.
@@ -407,12 +408,17 @@ class Bridge:
             self.outputs[channel].decide(decided_ns, packet[DECIDED.size :], now_ns)
         elif kind == b"s":
             _, channel, number = STOP.unpack(packet)
-            why = self.outputs[channel].halt(now_ns)
-            with suppress(OSError):
-                self.pipe.send(ANSWER.pack(b"a", number) + why.encode(), socket.MSG_DONTWAIT)
+            self.answer(number, self.outputs[channel].halt(now_ns))
+        elif kind == b"p":
+            self.answer(ANSWER.unpack(packet)[1], "")
         elif kind == b"c":
             self.add(json.loads(packet[1:].decode()))
         return bool(packet)
+
+    def answer(self, number: int, why: str) -> None:
+        """Answer a stop or a question."""
+        with suppress(OSError):
+            self.pipe.send(ANSWER.pack(b"a", number) + why.encode(), socket.MSG_DONTWAIT)
 
     def finish(self) -> None:
         """Stop what was commanded, and end the process."""

@@ -36,8 +36,11 @@ START_S = 30.0
 SILENT_S = 4.0
 """Seconds without a report, which comes each second, after which a bridge is ended."""
 
+QUIET_S = 0.5
+"""Seconds without anything from a bridge after which it is asked whether it is alive."""
+
 ANSWER_S = 0.5
-"""Seconds that a bridge has to answer a stop."""
+"""Seconds that a bridge has to answer."""
 
 ASK_AGAIN_S = 0.5
 """Seconds after which a stop that was not published is sent again."""
@@ -61,6 +64,10 @@ _ANSWER = struct.Struct("<cI")
 
 class BridgeError(Exception):
     """The bridge cannot run, or has ended."""
+
+
+class FrozenError(BridgeError):
+    """The bridge does not answer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -308,7 +315,7 @@ class Connection:
             if output.asked_s is None and now_s >= output.retry_s:
                 self._ask(output)
             elif output.asked_s is not None and now_s - output.asked_s > ANSWER_S:
-                raise BridgeError("the bridge did not answer a stop, and was ended")
+                raise FrozenError("the bridge did not answer, and was killed")
 
     def _answered(self, number: int, why: str) -> None:
         with self._lock:
@@ -340,12 +347,17 @@ class Connection:
                 theirs.close()
             try:
                 self._talk(ours, bridge)
+            except FrozenError:
+                bridge.kill()
+                raise
             finally:
                 self._forget()
                 ours.close()
                 _end(bridge)
 
     def _start(self, theirs: socket.socket) -> subprocess.Popen[bytes]:
+        if (setup := self._node.setup) and not os.path.isfile(setup):
+            raise BridgeError(f"there is no script {setup}")
         command = self._node.command(theirs.fileno())
         try:
             return subprocess.Popen(
@@ -366,11 +378,19 @@ class Connection:
         self._socket, self._heard_s = ours, time.monotonic() + START_S - SILENT_S
         readable = select.poll()
         readable.register(ours, select.POLLIN)
+        life_s, is_asked = self._heard_s, False
         while not self._closed.is_set():
             is_ready = readable.poll(WAKE_S * 1000)
             if is_ready:
                 self._take(ours.recv(MAX_PACKET_BYTES), bridge)
             now_s = time.monotonic()
+            if is_ready or not self._is_up:
+                life_s, is_asked = now_s, False
+            elif now_s - life_s > QUIET_S + ANSWER_S and is_asked:
+                raise FrozenError("the bridge did not answer, and was killed")
+            elif now_s - life_s > QUIET_S and not is_asked:
+                ours.send(_ANSWER.pack(b"p", 0), socket.MSG_DONTWAIT)
+                is_asked = True
             if self._sent != (len(self._inputs), len(self._outputs)):
                 self._send_settings(ours, {})
             if not is_ready:  # nothing that it has sent is left
@@ -399,7 +419,7 @@ class Connection:
             self._take_report(json.loads(packet[1:]))
         else:
             code = bridge.wait(END_S)
-            raise BridgeError(f"the bridge has ended with the exit code {code}")
+            raise BridgeError(f"the bridge has ended with the exit code {code}: its output is in this log")
 
     def _take_report(self, report: Mapping[str, Any]) -> None:
         if "failed" in report:

@@ -118,11 +118,19 @@ class Robot:
         now = time.monotonic_ns()
         self.velocity, self.turn, self.heard_s = twist.linear.x, twist.angular.z, now / 1e9
         age = None if stamp is None else time.time() - stamp.sec - stamp.nanosec / 1e9
-        row = {"t": now, "v": self.velocity, "w": self.turn, "age": age, "frame": frame, "scan": self.scan_ns}
+        row = {
+            "t": now,
+            "v": self.velocity,
+            "w": self.turn,
+            "age": age,
+            "frame": frame,
+            "touched": self.touched,
+        }
         print(json.dumps(row), flush=True)
 
     scan_ns = 0
     near = False
+    touched = False
 
     def hear_stamped(self, message: TwistStamped) -> None:
         self.hear(message.twist, message.header.stamp, message.header.frame_id)
@@ -143,6 +151,7 @@ class Robot:
             self.velocity = self.turn = 0.0
         self.yaw += self.turn * dt
         edge = HALF_M - RADIUS_M
+        self.touched = self.touched or max(abs(self.x), abs(self.y)) >= edge
         self.x = max(-edge, min(edge, self.x + self.velocity * math.cos(self.yaw) * dt))
         self.y = max(-edge, min(edge, self.y + self.velocity * math.sin(self.yaw) * dt))
         if self.settings["clock"] is not None:

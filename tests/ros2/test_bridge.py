@@ -253,6 +253,7 @@ def test_a_bridge_that_is_killed_or_frozen_has_a_successor(ros: Ros, number: sig
     later_ns = began_ns + 500_000_000
     until(lambda: any(row["v"] for row in robot.since(later_ns)), "it drives again", patience_s=60.0)
     assert bridge_of(driver) != first
+    print(f"driven again after {(robot.since(later_ns)[0]['t'] - began_ns) / 1e9:.1f} s")
 
 
 @genuine
@@ -265,8 +266,8 @@ def test_a_frozen_bridge_acknowledges_no_stop(ros: Ros) -> None:
     driver.stop()
     assert driver.unreached is not None
     until(lambda: driver.unreached is None, "the successor has stopped it", patience_s=60.0)
-    assert reports[0] == "the bridge did not answer a stop, and was ended"
-    assert robot.heard[-1]["v"] == 0.0
+    assert reports[0] == "the bridge did not answer, and was killed"
+    until(lambda: robot.heard[-1]["v"] == 0.0, "it stands")
 
 
 def is_bridge(pid: int) -> bool:

@@ -31,9 +31,12 @@ class Served:
         program = burger.write(folder, ros.python)
         self.robot: Foreign = ros.foreign(others=burger.OTHERS, hears={"lamp": "std_msgs/msg/Float64"})
         named = f"burger={folder / 'robots' / 'burger' / 'burger.colony'}"
+        self.recording = str(folder / "run.mcap")
         self.supervisor = self.machine.start("serve", "all", "--robot", named, "--hardware")
         until(lambda: failed(self.supervisor) or "RServer" in self._running(), "it is served")
-        self.leader = self.machine.start("run", str(program), "--robot", named, "--connect")
+        self.leader = self.machine.start(
+            "run", str(program), "--robot", named, "--connect", "--record", self.recording
+        )
 
     def _running(self) -> dict[str, int]:
         return dict(RunDirectory.find(self.machine.environment).robot("burger").running())
@@ -70,6 +73,8 @@ def test_a_robot_of_topics_alone_is_driven_by_a_behavior(served: Served) -> None
     served.leader.interrupt()
     assert contracts_held(served.leader.out), served.leader.out
     until(lambda: robot.heard[-1]["v"] == 0.0 == robot.heard[-1]["w"], "it stands")
+    assert not robot.heard[-1]["touched"]
+    assert served.machine.run("audit", served.recording).wait() == 0
     served.supervisor.interrupt()
     until(robot.stands, "ten zeros, and silence")
 
