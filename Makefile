@@ -13,6 +13,7 @@ ROUNDS  ?= 50
 MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
+RELEASE ?= jazzy
 
 # Tests start many processes; without bytecode each of them would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
@@ -32,8 +33,8 @@ test-thorough: $(DEV)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m thorough tests
 
 ros2: $(DEV)
-	-$(BIN)/python -m tests.ros2.environment
-	$(BIN)/python -m pytest -n 0 -rs -m ros2 tests/ros2
+	-ROS2_RELEASE=$(RELEASE) $(BIN)/python -m tests.ros2.environment
+	ROS2_RELEASE=$(RELEASE) $(BIN)/python -m pytest -n 0 -rs -m ros2 tests/ros2
 
 browser: $(DEV)
 	npm install --silent --no-audit --no-fund --no-save --prefix build/axe axe-core@4.14.1

@@ -1,6 +1,7 @@
-"""A ROS 2 environment for tests, from PyPI: pinned, made once, in the user's cache.
+"""ROS 2 environments for tests, from PyPI: pinned, made once, in the user's cache.
 
-`python -m tests.ros2.environment` makes it, prints its Python, and exits with 1 if it cannot be had.
+`python -m tests.ros2.environment` makes one, prints its Python, and exits with 1 if it cannot be had. The
+variable ROS2_RELEASE names its release: `jazzy`, the default, or `kilted`.
 """
 
 from __future__ import annotations
@@ -10,35 +11,45 @@ import os
 import shutil
 import subprocess
 import sys
-import venv
 from pathlib import Path
 
-PACKAGES = (
+JAZZY = (
     "ros-jazzy-rclpy==7.1.6",
     "ros-jazzy-rmw-fastrtps-cpp==8.4.3",
-    "ros-jazzy-sensor-msgs==5.3.6",
-    "ros-jazzy-std-msgs==5.3.6",
-    "ros-jazzy-nav-msgs==5.3.6",
-    "ros-jazzy-geometry-msgs==5.3.6",
-    "ros-jazzy-diagnostic-msgs==5.3.6",
+    *(f"ros-jazzy-{name}-msgs==5.3.6" for name in ("std", "sensor", "nav", "geometry", "diagnostic")),
     "ros-jazzy-test-msgs==2.0.3",
-    "numpy",
-    "pyyaml",
 )
+KILTED = (
+    "ros-kilted-rclpy==9.1.2",
+    "ros-kilted-rmw-fastrtps-cpp==9.3.3",
+    *(f"ros-kilted-{name}-msgs==5.5.1" for name in ("std", "sensor", "nav", "geometry", "diagnostic")),
+    "ros-kilted-test-msgs==2.3.0",
+)
+RELEASES = {"jazzy": JAZZY, "kilted": KILTED}
+COMMON = ("numpy", "pyyaml")
 
 MARK = "made"
+
+
+def _release() -> str:
+    return os.environ.get("ROS2_RELEASE", "jazzy")
+
+
+def _packages() -> str:
+    return "\n".join((*RELEASES[_release()], *COMMON))
 
 
 def folder() -> Path:
     """Return the folder of the environment; tests set XDG_CACHE_HOME to one of their own."""
     cache = os.environ.get("COLONY_TEST_CACHE") or Path.home() / ".cache"
-    return Path(cache) / "colony-ros2" / f"jazzy-{sys.version_info.major}.{sys.version_info.minor}"
+    python = f"{sys.version_info.major}.{sys.version_info.minor}"
+    return Path(cache) / "colony-ros2" / f"{_release()}-{python}"
 
 
 def existing() -> Path | None:
     """Return the Python of the environment, or None if it was not made."""
     found = folder()
-    is_made = (found / MARK).is_file() and (found / MARK).read_text() == "\n".join(PACKAGES)
+    is_made = (found / MARK).is_file() and (found / MARK).read_text() == _packages()
     return found / "bin" / "python" if is_made else None
 
 
@@ -56,10 +67,10 @@ def make() -> Path:
         if (python := existing()) is not None:
             return python
         shutil.rmtree(found, ignore_errors=True)
-        venv.create(found, with_pip=True)
+        subprocess.run([sys.executable, "-m", "venv", found], check=True)
         pip = [found / "bin" / "python", "-m", "pip", "--disable-pip-version-check", "install", "-qq"]
-        subprocess.run([*pip, *PACKAGES], check=True)
-        (found / MARK).write_text("\n".join(PACKAGES))
+        subprocess.run([*pip, *_packages().split()], check=True)
+        (found / MARK).write_text(_packages())
         return found / "bin" / "python"
 
 
