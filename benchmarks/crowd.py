@@ -12,7 +12,7 @@ from pathlib import Path
 
 from colony.runtime.assembly.processes.shutdown import Shutdown, on_parent_exit, on_signals
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.messages import Effect, Message, Ready, Request, Send, Tick
+from colony.runtime.protocol.messages import Effect, Message, Ready, Request, SendMessage, Tick
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import Local
 from colony.runtime.transport.live.run_directory import RobotDirectory
@@ -47,7 +47,7 @@ class Crowd:
             effect
             for name in self._names
             for effect in (
-                Send(topics.requests(SERVER), self._request(name, message.k)),
+                SendMessage(topics.requests(SERVER), self._request(name, message.k)),
                 self._ready(name, message.k),
             )
         ]
@@ -57,7 +57,7 @@ class Crowd:
 
     def _ready(self, name: str, k: int = -1) -> Effect:
         client = topics.client_address(ACTUATOR, name)
-        return Send(topics.READY, Ready(client=client, run=self._run, k=k))
+        return SendMessage(topics.READY, Ready(client=client, run=self._run, k=k))
 
     def _request(self, name: str, k: int) -> Request:
         if name == self._commands:

@@ -21,11 +21,11 @@ import msgspec
 
 from colony.ir.servers import DSERVER
 from colony.runtime.library import data
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol import codec
 from colony.runtime.protocol.calls import NoArguments, Open
 from colony.runtime.protocol.deployment import Deployment
-from colony.runtime.protocol.messages import Alive, Call, Effect, Fetch, Reply, Send, Tick, Wake
+from colony.runtime.protocol.messages import Alive, Call, Effect, Fetch, Reply, SendMessage, Tick, Wake
 from colony.runtime.servers.data_methods import MAX_NAMES_PER_CALL, MAX_NAMES_PER_REPLY, MAX_VALUES_PER_REPLY
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.semaphores import MAX_HOLDS, MAX_SEMAPHORES, MAX_WAITING_CALLS
@@ -69,16 +69,16 @@ class Stage:
         )
         return codec.encode(Call(connection=connection, number=self.number, method=method, arguments=packed))
 
-    def call(self, ask: Ask[object], connection: str = ADA) -> bytes:
+    def call(self, ask: CallRequest[object], connection: str = ADA) -> bytes:
         return self.bytes_of(ask.method, ask.arguments, connection)
 
     def take(self, message: bytes) -> list[bytes]:
         """From bytes to bytes: decode, handle, commit, encode."""
         effects = list(self.server.handle(codec.decode(message), self.now))
         self.server.settle()
-        return [codec.encode(e.message) for e in effects if isinstance(e, Send)]
+        return [codec.encode(e.message) for e in effects if isinstance(e, SendMessage)]
 
-    def do(self, ask: Ask[object], connection: str = ADA) -> Reply:
+    def do(self, ask: CallRequest[object], connection: str = ADA) -> Reply:
         """Make a call that is answered at once, and take all that is to be told."""
         answer = self.take(self.call(ask, connection))
         self.rest()
@@ -95,7 +95,7 @@ class Stage:
                 self.take(codec.encode(Alive(connection=connection)))
             effects: list[Effect] = list(self.server.handle(Wake(), self.now))
             self.server.settle()
-            if not any(isinstance(e, Send) for e in effects):
+            if not any(isinstance(e, SendMessage) for e in effects):
                 return
 
     def tick(self) -> bytes:
@@ -141,7 +141,7 @@ def _largest(stage: Stage) -> Iterator[Case]:
     )
     blob = b"\x00" * (MAX_VALUE_BYTES - 5)
 
-    def ask(name: str, made: Callable[[int], Ask[object]], **more: Callable[[int], None]) -> Case:
+    def ask(name: str, made: Callable[[int], CallRequest[object]], **more: Callable[[int], None]) -> Case:
         return Case(name, lambda i: stage.call(made(i)), after=more.get("after", lambda i: stage.rest()),
                     before=more.get("before", lambda i: None))  # fmt: skip
 
@@ -210,7 +210,7 @@ def _semaphores(stage: Stage, ask: Callable[..., Case]) -> Iterator[Case]:
         stage.take(stage.call(data.create_semaphore("Held", MAX_HOLDS)))
 
     yield ask("semaphore, 2,000 holds", lambda i: data.semaphore("Held"), before=lambda i: i or hold(i))
-    yield ask("close, 2,000 holds", lambda i: Ask("close", NoArguments(), None, "read"),
+    yield ask("close, 2,000 holds", lambda i: CallRequest("close", NoArguments(), None, "read"),
               before=lambda i: None if i == 0 else hold(i), after=again)  # fmt: skip
     yield ask("delete_semaphore, 2,000 holds", lambda i: data.delete_semaphore("Held"),
               before=hold, after=again)  # fmt: skip
@@ -264,7 +264,7 @@ def _unwatch(stage: Stage) -> None:
 
 
 def _reopen(stage: Stage) -> None:
-    stage.take(stage.call(Ask("close", NoArguments(), None, "read")))
+    stage.take(stage.call(CallRequest("close", NoArguments(), None, "read")))
     stage.take(stage.bytes_of("open", Open(name=ADA)))
 
 

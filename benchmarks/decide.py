@@ -29,11 +29,11 @@ from colony.ir.program import (
     Actuator,
     ActuatorField,
     Chain,
-    Command,
     Module,
     Program,
     Robot,
     Sensor,
+    TransferFunction,
     Use,
     Wire,
 )
@@ -292,7 +292,7 @@ def workload(size: int) -> Program:
         return Module(
             name=f"b{i}",
             when=of(Binary.LESS, element(i), number(0.5), BOOL),
-            command=Command(actuator="drive", fields=(velocity, turn)),
+            command=TransferFunction(actuator="drive", fields=(velocity, turn)),
         )
 
     sensor = Sensor(

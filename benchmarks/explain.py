@@ -18,8 +18,7 @@ from typing import Any
 
 import msgspec
 
-from colony.analysis.finding import build_index
-from colony.analysis.index import encode
+from colony.analysis.finding import build_index, encode
 from colony.analysis.recording import OpenRecording
 from colony.compile.pipeline import compile_program
 from colony.runtime.frames.run_frame import RunFrame

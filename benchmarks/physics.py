@@ -26,11 +26,12 @@ from colony.dsl.load import load_file
 from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
-from colony.robots.building_run import run_in_building
-from colony.robots.described import described_robot
-from colony.robots.request import PhysicsName, RunReport, RunRequest, UserInterface
+from colony.runs.building_run import run_in_building
+from colony.runs.described import described_robot
+from colony.runs.spec import PhysicsName, RunReport, RunSpec, UserInterface
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.script import Script
+from colony.sim.world_spec import WorldSpec
 from tests.paths import MAPS, ROOT
 from tests.sim.mujoco.agreement import (
     LOOP,
@@ -84,16 +85,13 @@ _INTERFACE = UserInterface(
 def wander(physics: PhysicsName, seconds: float, seed: int = 1) -> RunReport:
     """A run of `wander` on amr in the building with a loop."""
     compiled = compile_program(load_file(ROOT / "behaviors" / "wander.colony", robot="amr")).compiled
-    request = RunRequest(
+    spec = RunSpec(
         file="wander",
-        map_path=str(MAPS / "loop.stickrep"),
-        seed=seed,
+        world=WorldSpec(map_path=str(MAPS / "loop.stickrep"), seed=seed),
         length_ns=round(seconds * 1e9),
-        pinned_variables={},
-        cameras={},
         physics=physics,
     )
-    return run_in_building(compiled, described_robot(compiled.robot), request, _INTERFACE)
+    return run_in_building(compiled, described_robot(compiled.robot), spec, _INTERFACE)
 
 
 def _row(name: str, value: float, unit: str, note: str, most: float | None = None) -> Row:

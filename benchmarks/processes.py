@@ -45,7 +45,7 @@ from colony.runtime.assembly.processes.jobs import (
 from colony.runtime.assembly.processes.run import SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.spec import Device
-from colony.runtime.assembly.processes.window import Window
+from colony.runtime.assembly.processes.window import RecordingWindow
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.observe.observer import Sink
 from colony.runtime.protocol import topics
@@ -133,7 +133,7 @@ def robot_of(clients: int, frames: int, *sinks: Sink, lockstep: bool) -> Iterato
         robot_address = Local(RunDirectory(folder / "r").robot("bench"))
         deployed = deployment(compiled, bindings, run="bench", seed=1, lockstep=lockstep)
         status_tracker = RunStatusTracker(deployed, file="bench.colony")
-        window = Window(
+        window = RecordingWindow(
             frames * deployed.frame_ns, frame_ns=deployed.frame_ns, sinks=(*sinks, status_tracker)
         )
         with SupervisedRun(

@@ -23,11 +23,11 @@ from colony.dsl.load import load_file, load_text
 from colony.ir.program import Program
 from colony.text.wording import counted
 from colony.verify.contracts import prove as contracts
-from colony.verify.contracts.proof_cache import ProofCache
+from colony.verify.contracts.kept import ProofCache
 from colony.verify.contracts.results import (
     RESOURCES_PER_SECOND,
-    Options,
     OverReals,
+    ProofOptions,
     Proved,
     ProvedInTime,
     Unknown,
@@ -82,7 +82,7 @@ def _compilation(name: str, make: Callable[[int], Program], unit: str) -> list[R
         result = prove.prove(program, compilation, sent=partial(getattr, compilation, "compiled"))
         seconds = perf_counter() - start
         match result:
-            case results.Proved(by_structure=by_structure, by_solver=by_solver):
+            case results.EquivalenceProved(by_structure=by_structure, by_solver=by_solver):
                 shown = f"{by_structure:,} obligations by structure, {by_solver:,} by z3"
                 proved = True
             case _:
@@ -144,7 +144,7 @@ def _again(file: Path) -> Row:
         for _ in range(2):
             gc.collect()
             start = perf_counter()
-            cache = ProofCache(Path(folder), program, Options(), [c.name for c in program.contracts])
+            cache = ProofCache(Path(folder), program, ProofOptions(), [c.name for c in program.contracts])
             found = list(contracts.results(program, [c.name for c in program.contracts], cache=cache))
             seconds.append(perf_counter() - start)
     ratio, note = seconds[1] / seconds[0], f"{len(found)} contracts, {seconds[1]:.2g} s"

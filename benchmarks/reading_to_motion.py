@@ -1,7 +1,7 @@
 """How long a base takes to answer its bumper: from the press to the complete command that answers it.
 
 The base is emulated, on a pseudoterminal with the pace of its line; its servers and a program are processes
-(`colony serve all`, `colony run --connect`). At a random time its bumper is pressed, or released. Measured is
+(`colony serve all`, `colony drive`). At a random time its bumper is pressed, or released. Measured is
 the time until the last byte of the first command that answers has crossed the line. No driver can do better
 than the line and the device, nor the runtime than a frame. So it is held against the time of the line both
 ways, one period of the device's packets and two frames.

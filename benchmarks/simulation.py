@@ -34,9 +34,9 @@ from colony.nav.maps.world_map import WorldMap, load_world
 from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.config import RobotConfig, config_of, rome_config
 from colony.sim.devices import devices_of
-from colony.sim.given import nothing_given
 from colony.sim.hazards.hazards import Hazards, draw
-from colony.sim.hazards.scenery import Person, Track, bare_scenery
+from colony.sim.hazards.scenery import CorridorTrack, Person, bare_scenery
+from colony.sim.mechanism import nothing_given
 from colony.sim.world.movers import with_movers
 from colony.sim.world.world import World
 from tests.nav.maps.grid.office import CORRIDOR, DEPTH, MARGIN, WALL, YAML, drawn_office
@@ -148,7 +148,7 @@ def office_world(floor: WorldMap) -> World:
     """An amr in the corridor of an office, and people in all corridors."""
     rng = np.random.default_rng(1)
     corridors = [
-        Track(x_mm=1500.0, y_mm=y, heading_deg=270.0, length_mm=45_000.0, half_width_mm=1100.0)
+        CorridorTrack(x_mm=1500.0, y_mm=y, heading_deg=270.0, length_mm=45_000.0, half_width_mm=1100.0)
         for y in (CELLS * CELL_MM - CORRIDOR_MM - k * BAND_MM for k in range(4))
     ]
     people = tuple(

@@ -25,7 +25,7 @@ import msgspec
 import zenoh
 
 from colony.runtime.kit.connection import connect
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import CallDispatcher, method
 from colony.runtime.protocol.messages import Effect, Message
 from colony.runtime.transport.live.host import Host
@@ -160,7 +160,7 @@ def _serve() -> None:
 
 
 def _call_by_kit(calls: int) -> None:
-    ask = Ask("echo", _Echo(data=DATA), bytes, "read", repeatable=True)
+    ask = CallRequest("echo", _Echo(data=DATA), bytes, "read", repeatable=True)
     with connect(SERVER, robot=ROBOT) as connection:
         _measure(lambda: connection.do(ask), calls)
 

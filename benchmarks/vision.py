@@ -31,7 +31,7 @@ from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.world.world import Speed
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.scan_lines import Lines, ceiling_lights
-from colony.vision.lights.track import LightDetections, LightGoal, LightTrack, Scale
+from colony.vision.lights.track import LightDetections, LightGoal, LightTrack, OdometryScale
 from colony.vision.markers.rows import find_markers
 from colony.vision.plates.detector import find_plates
 from colony.vision.plates.reader import read_plate
@@ -109,7 +109,7 @@ def run() -> list[Row]:
     lit, dark = ceilings(Hazards.none()), ceilings(Hazards(light_out=1.0, light_dim=0.0))
     doors, lifts = views.passage(plate), views.approach(marker)
     goal = LightGoal(direction_deg=0.0, x_mm=0.0, y_mm=0.0, lights_mm=(5000.0, 10_000.0))
-    track = LightTrack.start(goal, Scale())
+    track = LightTrack.start(goal, OdometryScale())
     seen = LightDetections(ceiling_lights(lit[PERSON_STYLES // 2], UPWARD), 5000.0, 0.0)
     works: dict[str, tuple[Callable[[int], object], float]] = {
         "lights in three lines, below a light": (lambda i: ceiling_lights(lit[i], UPWARD), LIGHTS_MS),

@@ -23,8 +23,8 @@ from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
-from colony.robots.behavior import behavior_of
-from colony.robots.navigation import CEILING_CAMERA, PLANNER, navigation_scripts
+from colony.runs.behavior import behavior_of
+from colony.runs.navigation import CEILING_CAMERA, PLANNER, navigation_scripts
 from colony.runtime.assembly.loop import Loop
 from colony.runtime.transport.virtual import VirtualClock
 from colony.shipped import Shipped

@@ -9,14 +9,19 @@ from __future__ import annotations
 
 import errno
 import os
+import resource
 import stat
 import sys
 import tempfile
+import time
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from io import FileIO
 from pathlib import Path
 from typing import BinaryIO
+
+# --- files ---------------------------------------------------------------------------------------------
+
 
 StrPath = str | os.PathLike[str]
 
@@ -25,6 +30,12 @@ COMPILED = b"colonyc"
 
 MAX_LINKS = 40
 """Maximum number of symbolic links on the way to a folder, that of Linux."""
+
+CLAIM_BYTES = 32
+"""Size of a claimed file in bytes: the id of a process, padded with blanks."""
+
+CLAIM_TRIES = 10
+CLAIM_PAUSE_S = 0.01
 
 _CHUNK = 1 << 20
 _SAFE_FLAGS = os.O_CLOEXEC | os.O_NONBLOCK | os.O_NOCTTY
@@ -235,7 +246,12 @@ def open_exclusive(path: str) -> FileIO:
     file = FileIO(path, "a")
     try:
         if stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            _lock(file)
+            try:
+                _lock(file.fileno())
+            except BlockingIOError:
+                raise
+            except OSError:  # a file system without locks
+                pass
             file.truncate(0)
     except BaseException:
         file.close()
@@ -243,15 +259,156 @@ def open_exclusive(path: str) -> FileIO:
     return file
 
 
-def _lock(file: FileIO) -> None:
-    """Lock the file until it is closed, if the system has such locks."""
+class ClaimedError(Exception):
+    """Another process has a claim; the message is its process id, or `unknown`."""
+
+
+class FileClaim(AbstractContextManager["FileClaim"]):
+    """An exclusive claim, held by a lock on a file until it is closed or the process ends. Mutable.
+
+    Raises:
+        ClaimedError: another process has it.
+        OSError: the file cannot be opened or locked.
+    """
+
+    def __init__(self, path: StrPath) -> None:
+        descriptor = open_descriptor(path, os.O_RDWR | os.O_CREAT)
+        try:
+            if not _try_lock(descriptor):
+                holder = os.read(descriptor, CLAIM_BYTES).decode("ascii", "replace").strip()
+                raise ClaimedError(holder or "unknown")
+        except BaseException:
+            os.close(descriptor)
+            raise
+        self._descriptor = descriptor
+
+    def sign(self) -> None:
+        """Write the id of this process into the file, for `claim_holder`.
+
+        The file keeps its size, so that the claim can be signed again even when the disk is full.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        os.pwrite(self._descriptor, f"{os.getpid():<{CLAIM_BYTES - 1}}\n".encode(), 0)
+
+    def close(self) -> None:
+        """Release the claim. Idempotent."""
+        descriptor, self._descriptor = self._descriptor, -1
+        if descriptor >= 0:
+            os.close(descriptor)
+
+    def __exit__(self, *raised: object) -> None:
+        """Release the claim."""
+        self.close()
+
+
+def claim_holder(path: StrPath) -> int | None:
+    """Return the id of the process that has a claim; None if no process has it.
+
+    Raises:
+        OSError: the file cannot be opened or locked.
+    """
+    try:
+        descriptor = open_descriptor(path)
+    except (FileNotFoundError, UnsuitableFileError):
+        return None
+    try:
+        _lock(descriptor, shared=True)
+    except BlockingIOError:
+        text = os.read(descriptor, CLAIM_BYTES).strip()
+        return int(text) if text.isdigit() else None
+    else:
+        return None
+    finally:
+        os.close(descriptor)
+
+
+def _try_lock(descriptor: int) -> bool:
+    """Try to lock a file, several times, because `claim_holder` locks it briefly, too."""
+    for _ in range(CLAIM_TRIES):
+        try:
+            _lock(descriptor)
+        except BlockingIOError:
+            time.sleep(CLAIM_PAUSE_S)
+        else:
+            return True
+    return False
+
+
+def _lock(descriptor: int, *, shared: bool = False) -> None:
+    """Lock a file until it is closed, if the system has such locks.
+
+    Raises:
+        BlockingIOError: another process has a lock that excludes this one.
+        OSError: the file system has no locks.
+    """
     if sys.platform == "win32":
         return
     import fcntl
 
+    fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+
+
+# --- os errors -----------------------------------------------------------------------------------------
+#
+# Operating system errors: messages that name the file and explain limits.
+
+
+NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""Error codes for a full disk, an exhausted quota, or a file at its size limit."""
+
+_ADVICE = {
+    errno.EMFILE: "raise the limit of open files (`ulimit -n`)",
+    errno.EFBIG: "raise the limit of file sizes (`ulimit -f`)",
+}
+
+_OUT_OF_MEMORY_TEXTS = ("failed to map segment", "annot allocate memory", "can't start new thread")
+"""Messages of libraries and threads that could not be loaded or started for lack of memory."""
+
+
+@contextmanager
+def naming(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Set the file name of an OSError that lacks one, such as an error of reading, writing or closing."""
     try:
-        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+        yield
+    except OSError as problem:
+        if problem.filename is None:
+            problem.filename = os.fspath(path)
         raise
-    except OSError:  # a file system without locks
-        return
+
+
+def describe(problem: OSError) -> str:
+    """Return the error in one line, with its file and with advice if it is due to a limit."""
+    what = f"{os.fsdecode(problem.filename)}: " if isinstance(problem.filename, (str, bytes)) else ""
+    advice = limit_advice(problem)
+    return f"{what}{problem.strerror or problem}{'' if advice is None else f': {advice}'}"
+
+
+def limit_advice(problem: OSError) -> str | None:
+    """Return advice if an error is due to a limit of the process, else None."""
+    # An UnsuitableFileError is due to a limit of this program, not of the process.
+    if problem.errno is None or isinstance(problem, UnsuitableFileError):
+        return None
+    return _ADVICE.get(problem.errno)
+
+
+def is_out_of_memory(problem: BaseException) -> bool:
+    """Return True if memory for an object, a library or a thread could not be allocated.
+
+    Under a memory limit (`ulimit -v`) libraries report the lack of memory in different ways. A library that
+    was found but cannot be loaded therefore counts as out of memory under such a limit, and so does a
+    `SystemError`, which Python raises where C code failed without an exception.
+    """
+    if isinstance(problem, MemoryError) or (isinstance(problem, OSError) and problem.errno == errno.ENOMEM):
+        return True
+    if isinstance(problem, (ImportError, RuntimeError, OSError)) and any(
+        t in str(problem) for t in _OUT_OF_MEMORY_TEXTS
+    ):
+        return True
+    if isinstance(problem, ModuleNotFoundError):
+        return False
+    is_vague = isinstance(problem, ImportError | SystemError) or (
+        isinstance(problem, OSError) and problem.errno is None
+    )
+    return is_vague and resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY

@@ -115,7 +115,7 @@ def build(program: Program, *, proof: bool = True, timeout_s: float = PROOF_TIME
     from warnings import warn
 
     from colony.ir.program import expect_program
-    from colony.robots.compiled_program import compiled_with_sources
+    from colony.runs.compiled import compiled_with_sources
 
     expect_program(program)
     _expect_number("timeout_s", timeout_s)
@@ -133,11 +133,11 @@ def _expect_proof(program: Program, compilation: Compilation, seconds: float) ->
 
     seconds = seconds if installed("z3") else 0
     match prove_clients(program, compilation, sent=lambda: compilation.compiled, seconds=seconds):
-        case results.Proved():
+        case results.EquivalenceProved():
             return
-        case results.Undecided() as undecided if not installed("z3"):
+        case results.EquivalenceUndecided() as undecided if not installed("z3"):
             warn(f"{results.undecided_text(undecided)}; {install_command('verify')}", stacklevel=3)
-        case results.Undecided() as undecided:
+        case results.EquivalenceUndecided() as undecided:
             raise DiagnosticError([error("V002", NOWHERE, results.undecided_text(undecided))])
         case wrong:
             raise DiagnosticError([error("V001", NOWHERE, results.counterexample_text(wrong))])
@@ -150,7 +150,7 @@ def read(path: str | PathLike[str]) -> CompiledProgram:
         DiagnosticError: C001, the file cannot be read, is damaged, or the Python modules found now differ
             from those at compile time.
     """
-    from colony.robots.compiled_program import read_compiled
+    from colony.runs.compiled import read_compiled
 
     _expect_path(path)
     return CompiledProgram(read_compiled(path))
@@ -253,12 +253,12 @@ def prove(program: Program, *, seconds: float = 10.0, depth: int = 4) -> tuple[C
 
     with naming_missing_extras():
         from colony.verify.contracts.prove import prove_contracts
-        from colony.verify.contracts.results import Options
+        from colony.verify.contracts.results import ProofOptions
 
     expect_program(program)
     _expect_number("seconds", seconds)
     _expect(depth, int, "the maximum k of k-induction, a whole number")
-    return prove_contracts(program, Options.within(seconds, depth=depth))
+    return prove_contracts(program, ProofOptions.within(seconds, depth=depth))
 
 
 def compare(one: Program, other: Program) -> Difference:

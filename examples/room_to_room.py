@@ -6,7 +6,7 @@
 
 The robot has to stand before the first room, and is told so. The four are scripts
 (colony/runtime/kit/script.py), each in a thread of this process with connections of its own; they could be
-processes as well, on any machine. `colony run --from 350R --to 376L --connect` does the same for a robot that
+processes as well, on any machine. `colony drive --from 350R --to 376L` does the same for a robot that
 `colony serve` serves, and starts the Navigator, too.
 """
 
@@ -17,7 +17,7 @@ import sys
 
 from colony.nav.maps.building import load_building
 from colony.nav.plan.route import NoPlanError, plan
-from colony.robots.live_mission import LiveMission
+from colony.runs.live_mission import LiveMission
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.text.diagnostics import DiagnosticError

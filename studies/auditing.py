@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 from colony.experiment.results import RunKey
 from colony.ir.frame import Frame, Outcome
-from colony.robots.behavior import behavior_of
+from colony.runs.behavior import behavior_of
 from colony.verify.reference.interpreter import Interpreter
-from studies.runs import Run, RunSpec
+from studies.runs import Run, StudyRun
 from studies.variants import VARIANTS
 
 
@@ -29,7 +29,7 @@ class _DifferenceError(Exception):
     """The interpreter decided a frame differently."""
 
 
-def audit(spec: RunSpec) -> AuditedRun:
+def audit(spec: StudyRun) -> AuditedRun:
     """Drive a run with the generated program and the interpreter, to its end or the first difference."""
     interpreter = Interpreter(behavior_of(VARIANTS[spec.key.variant.partition("/")[0]].behavior).program)
 
@@ -53,7 +53,7 @@ def audit(spec: RunSpec) -> AuditedRun:
     return AuditedRun(key=spec.key, frames=run.loop.k, difference=difference)
 
 
-def is_audited(spec: RunSpec, fraction: float) -> bool:
+def is_audited(spec: StudyRun, fraction: float) -> bool:
     """Return True if a run is among the audited ones, a fixed `fraction` of all runs."""
     number = spec.key.number * 2_654_435_761 + spec.key.seed * 40_503 + 97
     return (number % 10_007) / 10_007 < fraction

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any, Generic
 
-from colony.experiment.results import R, Table
+from colony.experiment.results import R, ResultTable
 from studies.confidence.tables import event_table, path_table
 from studies.figures import Target, targets
 from studies.lights.results import LIGHT_TABLE, LightResult, light_tables, light_targets
@@ -22,14 +22,8 @@ from studies.plates.record import PLATE_TABLE, PlateResult
 from studies.plates.run import run_with_finders
 from studies.plates.tables import plate_tables
 from studies.record import RUN_TABLE, RunResult
-from studies.runs import RunSpec, run
-from studies.sources.results import (
-    SOURCE_TABLE,
-    SourceOutcome,
-    SourceResult,
-    source_tables,
-    source_targets,
-)
+from studies.runs import StudyRun, run
+from studies.sources.results import SOURCE_TABLE, SourceOutcome, SourceResult, source_tables, source_targets
 from studies.sources.run import run_with_sources, source_list
 from studies.tables import failure_table, table, target_table
 
@@ -53,8 +47,8 @@ class Study(Generic[R]):
     name: str
     runs: Callable[[], tuple[ListedRun, ...]]
     seeds: int
-    work: Callable[[RunSpec], R]
-    table: Table[R]
+    work: Callable[[StudyRun], R]
+    table: ResultTable[R]
     targets: Callable[[Sequence[R]], tuple[Target, ...]]
     tables: Callable[[Sequence[ListedRun], Sequence[R]], list[str]]
     as_json: Callable[[R], dict[str, object]]

@@ -17,8 +17,8 @@ from colony.cli.experiment.options import (
     results_option,
     workers_option,
 )
+from colony.cli.outputs import map_option
 from colony.cli.reporting import report, say
-from colony.cli.shipped_files import map_option
 
 if TYPE_CHECKING:
     from colony.experiment.parallel import Engine
@@ -205,7 +205,7 @@ def _carry_out(
     study: Study[Any], experiment: Experiment, output: Path | None, engine: Engine, fraction: float
 ) -> ExperimentOutcome:
     """Run the missing runs and the audits; return the results, even if interrupted."""
-    from colony.cli.experiment.progress import progress
+    from colony.cli.progress import experiment_progress
     from colony.experiment.results import Results
     from studies.conduct import conduct, conduct_audit, results_of
     from studies.outputs import ExperimentOutcome, describe_audit, describe_run, is_different, is_failed
@@ -214,10 +214,10 @@ def _carry_out(
     interrupted = False
     with Results(output, study.table) as results:
         try:
-            with progress("run", is_failed, describe_run) as on_progress:
+            with experiment_progress("run", is_failed, describe_run) as on_progress:
                 conduct(experiment, study.work, results, engine, on_progress=on_progress)
             if fraction > 0.0:
-                with progress("audited", is_different, describe_audit) as on_audit_progress:
+                with experiment_progress("audited", is_different, describe_audit) as on_audit_progress:
                     audits = conduct_audit(experiment, engine, fraction, on_progress=on_audit_progress)
         except KeyboardInterrupt:
             interrupted = True

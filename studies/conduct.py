@@ -10,13 +10,13 @@ from pathlib import Path
 import colony
 from colony.experiment.parallel import Engine
 from colony.experiment.results import R, Results, RunKey
-from colony.nav.pose.tracker import EVERY_SOURCE, Source
-from colony.robots.behavior import behavior_of
-from colony.robots.navigation import CEILING_CAMERA, SIDE_CAMERA
+from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
+from colony.runs.behavior import behavior_of
+from colony.runs.navigation import CEILING_CAMERA, SIDE_CAMERA
 from colony.sim.hazards.hazards import Hazard, Hazards
 from studies.auditing import AuditedRun, audit, is_audited
 from studies.lists import ListedRun
-from studies.runs import RunSpec, building_at
+from studies.runs import StudyRun, building_at
 from studies.variants import VARIANTS, VariantName
 
 _SUFFIXES = (".py", ".npz")
@@ -48,7 +48,7 @@ class Experiment:
     seeds: tuple[int, ...]
     variant: VariantName
     hazards: Hazards
-    sources: frozenset[Source] = EVERY_SOURCE
+    sources: frozenset[PoseSource] = EVERY_SOURCE
     cameras: frozenset[str] = frozenset({CEILING_CAMERA})
 
     @property
@@ -57,15 +57,18 @@ class Experiment:
         disabled = [f"no-{name}" for name, hazard in HAZARD_NAMES.items() if hazard not in self.hazards.on]
         if len(disabled) == len(HAZARD_NAMES):
             disabled = ["no-hazards"]
-        deviations = [*disabled, *(f"no-{source.value}" for source in Source if source not in self.sources)]
+        deviations = [
+            *disabled,
+            *(f"no-{source.value}" for source in PoseSource if source not in self.sources),
+        ]
         if SIDE_CAMERA in self.cameras:
             deviations.append("side-camera")
         return "/".join([self.variant, *([",".join(deviations)] if deviations else [])])
 
-    def specs(self) -> tuple[RunSpec, ...]:
+    def specs(self) -> tuple[StudyRun, ...]:
         """Return all runs, seed by seed."""
         return tuple(
-            RunSpec(
+            StudyRun(
                 key=RunKey(self.name, run.number, seed, self.label),
                 map_path=self.map_path,
                 origin=run.origin,
@@ -97,7 +100,7 @@ HAZARD_NAMES = {hazard.name.lower().replace("_", "-"): hazard for hazard in Haza
 
 def conduct(
     experiment: Experiment,
-    work: Callable[[RunSpec], R],
+    work: Callable[[StudyRun], R],
     results: Results[R],
     engine: Engine,
     *,

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 from colony.nav.maps.walls import walls_of
 from colony.nav.plan.plan import Plan
 from colony.sim.hazards.scenery import Scenery
-from colony.sim.world.site import Site
+from colony.sim.world.site import SimulatedSite
 
 _CORRIDOR_MM = 3000.0
 """Distance from the route in mm beyond which a door or a person is in another corridor."""
 
 
-def hazards_on_route(site: Site, plan: Plan, slips: int) -> str:
+def hazards_on_route(site: SimulatedSite, plan: Plan, slips: int) -> str:
     """Describe the hazards along a plan: "lights out: 1, doors open: 3, slips: 1".
 
     Args:

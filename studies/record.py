@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from colony.experiment.results import KEY_COLUMNS, Points, RunKey, Table
+from colony.experiment.results import KEY_COLUMNS, Points, ResultTable, RunKey
 
 Mode = Literal["L", "C", "D"]
 """The modes as the thesis counts them: ceiling lights, corner (entering and leaving), dead reckoning."""
@@ -106,7 +106,7 @@ class RunResult:
         return self.distance_mm / self.time_s if self.time_s > 0.0 else 0.0
 
 
-RUN_TABLE = Table(
+RUN_TABLE = ResultTable(
     name="run",
     kind=RunResult,
     columns=(

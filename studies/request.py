@@ -8,19 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from colony.nav.maps.building import load_building
-from colony.nav.pose.tracker import Source
-from colony.robots.navigation import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
+from colony.nav.pose.tracker import PoseSource
+from colony.runs.navigation import CEILING_CAMERA, FRONT_CAMERA, SIDE_CAMERA
 from colony.sim.hazards.hazards import Hazards
 from studies.catalog import CUSTOM, STUDIES, Study
 from studies.conduct import HAZARD_NAMES, Experiment
-from studies.lists import (
-    PUBLISHED_MAP,
-    ListedRun,
-    csv_list,
-    floors_list,
-    random_list,
-    selected_runs,
-)
+from studies.lists import PUBLISHED_MAP, ListedRun, csv_list, floors_list, random_list, selected_runs
 from studies.variants import VariantName
 
 RANDOM = "random"
@@ -131,7 +124,7 @@ def _with_sources(experiment: Experiment, study: Study[Any], request: Experiment
         raise MisuseError(
             f"--no-source and --side-camera require the variant `ours`, and exclude the lists {own}"
         )
-    names = {source.value: source for source in Source}
+    names = {source.value: source for source in PoseSource}
     for name in request.no_source:
         if name not in names:
             raise MisuseError(f"unknown source `{name}`; expected {', '.join(names)}")

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.plan.plan import Plan, Segment
 from colony.nav.shared import CEILING_LIGHT, GoalKind
-from colony.robots.expected import TIME_LIMIT_FACTOR
+from colony.runs.navigation import TIME_LIMIT_FACTOR
 from colony.runtime.assembly.loop import Loop
 from colony.sim.world.world import World
 from studies.record import MODES, Contacts, FailureReason, LightCount, Mode, ModeCount

@@ -18,20 +18,18 @@ from colony.experiment.results import RunKey
 from colony.nav.maps.building import Building, load_building
 from colony.nav.plan.plan import Plan
 from colony.nav.plan.route import plan
-from colony.nav.pose.tracker import EVERY_SOURCE, Source
-from colony.robots.behavior import behavior_of
-from colony.robots.expected import GOAL_RADIUS_MM, expected_s
-from colony.robots.navigation import CEILING_CAMERA, PLANNER
-from colony.robots.run_cameras import run_cameras
+from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
+from colony.runs.behavior import behavior_of
+from colony.runs.mission import run_cameras
+from colony.runs.navigation import CEILING_CAMERA, GOAL_RADIUS_MM, PLANNER, expected_s
 from colony.runtime.assembly.loop import Loop, Watch
-from colony.runtime.kit.script import Script
-from colony.runtime.kit.script_local import ScriptError
+from colony.runtime.kit.script import Script, ScriptError
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.hazards.scenery import Scenery
 from colony.sim.world.operator import operator
-from colony.sim.world.site import Site
+from colony.sim.world.site import SimulatedSite
 from studies.confidence.published_runs import PUBLISHED_RUNS
 from studies.hazards_on_route import hazards_on_route
 from studies.lists import PUBLISHED
@@ -47,7 +45,7 @@ NO_SCRIPTS: Mapping[str, Script] = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RunSpec:
+class StudyRun:
     """The specification of a run; `key.variant` names the variant.
 
     All randomness comes from `key.seed` and `key.number`. `sources` are the sources of the pose estimate,
@@ -59,7 +57,7 @@ class RunSpec:
     origin: str
     goal: str
     hazards: Hazards
-    sources: frozenset[Source] = EVERY_SOURCE
+    sources: frozenset[PoseSource] = EVERY_SOURCE
     cameras: frozenset[str] = frozenset({CEILING_CAMERA})
 
 
@@ -78,7 +76,7 @@ def _plan(path: Path, origin: str, goal: str) -> Plan:
     return plan(building_at(path), origin, goal)
 
 
-def plan_of(spec: RunSpec) -> Plan:
+def plan_of(spec: StudyRun) -> Plan:
     """Return the plan of a run.
 
     Raises:
@@ -111,14 +109,14 @@ class Run:
     """
 
     def __init__(
-        self, spec: RunSpec, *, watch: Watch | None = None, extra_scripts: Mapping[str, Script] = NO_SCRIPTS
+        self, spec: StudyRun, *, watch: Watch | None = None, extra_scripts: Mapping[str, Script] = NO_SCRIPTS
     ) -> None:
         self.spec = spec
         self.variant: Variant = VARIANTS[spec.key.variant.partition("/")[0]]
         self.building = building_at(spec.map_path)
         self.plan = plan_of(spec)
         seed = seed_of(spec.key)
-        self.site = Site(
+        self.site = SimulatedSite(
             self.building,
             self.plan.floors,
             spec.hazards,
@@ -255,6 +253,6 @@ def run_to_end(stepped_run: SteppedRun[R_co]) -> R_co:
         stepped_run.close()
 
 
-def run(spec: RunSpec) -> RunResult:
+def run(spec: StudyRun) -> RunResult:
     """Drive a run to its end."""
     return run_to_end(Run(spec))

@@ -11,8 +11,8 @@ from colony.nav.maps.building import Building
 from colony.nav.missions.clerk import clerk
 from colony.nav.plan.plan import Plan, Segment
 from colony.nav.plan.planner import OnSegment, planner
-from colony.nav.pose.tracker import Source
-from colony.robots.navigation import CEILING_CAMERA, EXPECTED_MM_S, PLANNER, navigation_scripts
+from colony.nav.pose.tracker import PoseSource
+from colony.runs.navigation import CEILING_CAMERA, EXPECTED_MM_S, PLANNER, navigation_scripts
 from colony.runtime.kit.script import Script, Step
 from colony.shipped import Shipped
 from colony.sim.config import RobotConfig, rome_config
@@ -33,7 +33,7 @@ class MakeScripts(Protocol):
         on_segment: OnSegment,
         *,
         compensate: bool,
-        sources: frozenset[Source],
+        sources: frozenset[PoseSource],
         cameras: frozenset[str],
     ) -> Mapping[str, Script]:
         """Return the scripts.
@@ -74,7 +74,7 @@ def _our_scripts(
     on_segment: OnSegment,
     *,
     compensate: bool,
-    sources: frozenset[Source],
+    sources: frozenset[PoseSource],
     cameras: frozenset[str],
 ) -> Mapping[str, Script]:
     """Return the product's scripts, which have no use for overshoots."""
@@ -87,7 +87,7 @@ def _thesis_scripts(
     on_segment: OnSegment,
     *,
     compensate: bool,
-    sources: frozenset[Source],
+    sources: frozenset[PoseSource],
     cameras: frozenset[str],
 ) -> Mapping[str, Script]:
     """Return the scripts as printed, which estimate no pose and so have no sources."""

@@ -68,7 +68,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Compile the simulator where that is to be done: commands say so, which tests do not expect."""
     if not hasattr(config, "workerinput") and _must_compile():
-        subprocess.run([sys.executable, "-c", "import colony.robots.building_run"], cwd=ROOT, check=True)
+        subprocess.run([sys.executable, "-c", "import colony.runs.building_run"], cwd=ROOT, check=True)
 
 
 def _must_compile() -> bool:

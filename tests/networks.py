@@ -13,10 +13,10 @@ from colony.ir.program import (
     Actuator,
     ActuatorField,
     Chain,
-    Command,
     Module,
     Program,
     Robot,
+    TransferFunction,
     Use,
     Wire,
     Wiring,
@@ -104,7 +104,7 @@ def driven(size: int, wires: list[Wire], root: str) -> Program:
         command="drive",
         idle=(0.0,),
     )
-    command = Command(actuator="drive", fields=(Constant(type=DIMENSIONLESS, value=0.0),))
+    command = TransferFunction(actuator="drive", fields=(Constant(type=DIMENSIONLESS, value=0.0),))
     when = Constant(type=BOOL, value=True)
     output: Wiring = Use(name=root)
     return Program(

@@ -18,10 +18,10 @@ from colony.runtime.assembly.processes.run_status import LeaderServer
 from colony.runtime.frames.clock import Clock
 from colony.runtime.kit import description
 from colony.runtime.kit.commands import command
-from colony.runtime.kit.fields import FieldReader
+from colony.runtime.kit.description import FieldReader
 from colony.runtime.kit.service import Service
 from colony.runtime.library import actuator, camera, clock, data, leader, proximity, robot
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import CallDispatcher, Method
 from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.dserver import DServer
@@ -187,7 +187,7 @@ class _Function(NamedTuple):
     """A function of a library: what it asks for, its arguments as on the page, and what it is for."""
 
     name: str
-    ask: Ask[Any]
+    ask: CallRequest[Any]
     signature: str
     meaning: str
 

@@ -27,7 +27,7 @@ from colony.dsl.load import check_text
 from colony.dsl.site_reading import params_from_toml
 from colony.nav.maps.building import load_building
 from colony.nav.maps.world_map import load_world
-from colony.runtime.transport.live.errors import SecurityError
+from colony.runtime.transport.live.run_directory import SecurityError
 from colony.runtime.transport.live.security import read_credentials, read_security
 from colony.text.diagnostics import Diagnostic, DiagnosticError, has_errors, render
 from colony.text.source import Source

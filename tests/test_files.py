@@ -12,8 +12,11 @@ from pathlib import Path
 import pytest
 
 from colony.files import (
+    ClaimedError,
+    FileClaim,
     UnsuitableFileError,
     bounded_lines,
+    claim_holder,
     keep_in_cache,
     open_descriptor,
     open_regular,
@@ -233,3 +236,17 @@ def test_a_folder_in_one_that_another_group_can_write_to_is_not_own(
     monkeypatch.setattr(os, "getegid", lambda: os.getgid() + 1)
     with pytest.raises(UnsuitableFileError, match="other users can write"):
         own_folder(tmp_path / "outer" / "inner")
+
+
+def test_file_claim_excludes_others_and_names_its_holder_until_it_is_closed(tmp_path: Path) -> None:
+    path = tmp_path / "claim"
+    assert claim_holder(path) is None
+    with FileClaim(path) as claim:
+        with pytest.raises(ClaimedError, match="unknown"):
+            FileClaim(path)
+        claim.sign()
+        assert claim_holder(path) == os.getpid()
+        with pytest.raises(ClaimedError, match=f"^{os.getpid()}$"):
+            FileClaim(path)
+    assert claim_holder(path) is None
+    FileClaim(path).close()

@@ -13,9 +13,9 @@ import pytest
 
 from colony.cli.programs import compile_file
 from colony.compile import pipeline
-from colony.execute import colonyc, machine, sensors
+from colony.execute import colonyc, intake, machine
 from colony.execute.compiled import Compiled
-from colony.execute.sensors import Records
+from colony.execute.intake import Records
 from colony.ir.frame import Reading
 from colony.ir.program import Sensor
 from colony.ir.types import Value
@@ -75,7 +75,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
     count(pipeline, "lower", lambda *_: "lower")
     for way in ("in_base_units", "in_declared_units"):
         count(SensorBinding, way, converted(way))
-    assert machine.validate_reading is sensors.validate_reading
+    assert machine.validate_reading is intake.validate_reading
     count(machine, "validate_reading", taken)
     return calls
 

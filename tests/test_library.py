@@ -17,6 +17,7 @@ from hypothesis import given
 import colony
 from colony import testing
 from colony.ir.frame import Frame, Reading
+from colony.runs import compiled
 from colony.verify.contracts.results import Proved, Refuted
 from colony.verify.difference.results import Different, Same
 from tests.cli.machine import MAP
@@ -88,16 +89,15 @@ def test_a_proof_that_fails_is_a_failure(monkeypatch: pytest.MonkeyPatch) -> Non
     from dataclasses import replace
 
     from colony.compile.pipeline import Compilation
-    from colony.robots import compiled_program
 
-    original = compiled_program.compile_program
+    original = compiled.compile_program
 
     def wrong(*given: Any) -> Compilation:
         compilation = original(*given)
         actuators = (replace(right.actuators[0], clients=swapped),)
         return replace(compilation, clients=replace(right, actuators=actuators))
 
-    monkeypatch.setattr(compiled_program, "compile_program", wrong)
+    monkeypatch.setattr(compiled, "compile_program", wrong)
     with pytest.raises(colony.DiagnosticError, match="V001"):
         colony.build(PROGRAM)
     assert colony.build(PROGRAM, proof=False).compilation.clients.actuators[0].clients == swapped

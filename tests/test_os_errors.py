@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.os_errors import describe, is_out_of_memory, naming
+from colony.files import describe, is_out_of_memory, naming
 
 
 def test_an_error_gets_the_name_of_its_file(tmp_path: Path) -> None:
@@ -51,7 +51,7 @@ def test_lack_of_memory() -> None:
 
 def test_where_memory_is_limited_what_cannot_be_loaded_is_a_lack_of_it() -> None:
     script = (
-        "import resource; from colony.os_errors import is_out_of_memory\n"
+        "import resource; from colony.files import is_out_of_memory\n"
         "resource.setrlimit(resource.RLIMIT_AS, (1 << 30, 1 << 30))\n"
         "print(is_out_of_memory(ImportError('x')), is_out_of_memory(OSError('no number')), "
         "is_out_of_memory(OSError(28, 'No space')), is_out_of_memory(RuntimeError('x')), "

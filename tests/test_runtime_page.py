@@ -13,18 +13,17 @@ import pytest
 
 from colony.runtime.arbitration.arbiter import timing
 from colony.runtime.clients import client
-from colony.runtime.frames import assembler, clock, liveness, publishing
+from colony.runtime.frames import assembler, clock, publishing, registry
 from colony.runtime.kit import connection, conversation
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library import leader, robot
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol import calls, codec, deployment
 from colony.runtime.protocol.messages import MAX_BATCH_LENGTH, Batch, Request, ServerFrame
 from colony.runtime.servers import (
     actuating,
     base,
-    checkpoints,
     data_calls,
     data_methods,
     dserver,
@@ -32,10 +31,9 @@ from colony.runtime.servers import (
     rserver,
     semaphores,
     variables,
-    watching,
 )
-from colony.runtime.store import reserve
-from colony.runtime.transport.live import message_queue, meter, names, network, rate_limits
+from colony.runtime.store import store
+from colony.runtime.transport.live import inbox, limits, network, run_directory
 from colony.runtime.transport.live.robot_address import local
 from tests.cli.machine import contracts_held
 from tests.examples.stage import ROOT, Machine, machine
@@ -87,7 +85,7 @@ def test_the_fields_of_the_command() -> None:
         ("or after 5 s", clock.READY_TIMEOUT_NS == 5_000_000_000),
         ("after four fifths of the frame", timing(100).deadline_ns == 80),
         ("which servers can give for 2 s", assembler.FRAME_RETENTION_NS == 2_000_000_000),
-        ("After 250 ms without a word it is lost", liveness.lease(50_000_000) == 250_000_000),
+        ("After 250 ms without a word it is lost", registry.lease(50_000_000) == 250_000_000),
         ("at most 500 ms old", client.CHECKPOINT_NS == 500_000_000),
         ("ends with its lease, 500 ms unless told", robot.LEASE_S == 0.5),
         ("750 ms after its last sign of life", calls.LEASE_NS == 750_000_000 > 3 * conversation.KEEPALIVE_NS),
@@ -111,7 +109,7 @@ def test_the_fields_of_the_command() -> None:
             "| a position that is set at the base | 10 km from the origin, and a heading of 36000 deg |",
             (base.MAX_COORDINATE_MM, base.MAX_HEADING_DEG) == (1e7, 36_000.0),
         ),
-        ("| calls of one connection that wait | 256 |", message_queue.MAX_CALLS_PER_CONNECTION == 256),
+        ("| calls of one connection that wait | 256 |", inbox.MAX_CALLS_PER_CONNECTION == 256),
         ("| the value of a variable, in msgpack | 1 MiB |", variables.MAX_VALUE_BYTES == 1 << 20),
         ("| values in a history | 10000 |", variables.MAX_HISTORY_LENGTH == 10_000),
         ("| all variables with their histories | 64 MiB |", variables.MAX_TOTAL_BYTES == 64 << 20),
@@ -130,18 +128,18 @@ def test_the_fields_of_the_command() -> None:
             "| the other values in it, which connections published | 32 KiB |",
             frame_content.PUBLISHED_SPACE == 32 << 10,
         ),
-        ("| prefixes of them | 50 |", watching.MAX_PREFIXES_PER_CONNECTION == 50),
+        ("| prefixes of them | 50 |", data_calls.MAX_PREFIXES_PER_CONNECTION == 50),
         ("| variables that a connection publishes | 1000 |", frame_content.MAX_NAMES_PER_CONNECTION == 1000),
         ("| variables that all connections publish | 10000 |", frame_content.MAX_NAMES_REQUESTED == 10_000),
         ("| names in the arguments of one call | 256 KiB |", data_methods.MAX_NAMES_BYTES == 256 << 10),
         ("| names in one reply | 5000 |", data_methods.MAX_NAMES_PER_REPLY == 5000),
         (
             "| names and prefixes that a connection watches | 2000 |",
-            watching.MAX_WATCHED_PER_CONNECTION == 2000,
+            data_calls.MAX_WATCHED_PER_CONNECTION == 2000,
         ),
         (
             "| names, and prefixes, that all connections watch; of one user half | 20000 and 1000 |",
-            (watching.MAX_WATCHED_NAMES, watching.MAX_WATCHED_PREFIXES) == (20_000, 1000),
+            (data_calls.MAX_WATCHED_NAMES, data_calls.MAX_WATCHED_PREFIXES) == (20_000, 1000),
         ),
         ("| semaphores | 10000 |", semaphores.MAX_SEMAPHORES == 10_000),
         (
@@ -153,23 +151,23 @@ def test_the_fields_of_the_command() -> None:
             calls.MAX_ARGUMENT_BYTES == 64 << 10,
         ),
         ("| a deployment | 256 KiB |", deployment.MAX_DEPLOYMENT_BYTES == 256 << 10),
-        ("| checkpoints of all clients | 16 MiB |", checkpoints.MAX_TOTAL_BYTES == 16 << 20),
+        ("| checkpoints of all clients | 16 MiB |", dserver.MAX_TOTAL_BYTES == 16 << 20),
         (
             "| frames that a server publishes again between two ticks | 64, or 1 MiB |",
             (publishing.MAX_REPUBLISHED_FRAMES, publishing.MAX_REPUBLISHED_BYTES) == (64, 1 << 20),
         ),
         ("| frames that a server keeps | 16 MiB |", publishing.KEPT_BYTES == 16 << 20),
-        ("| the name of a robot, server or user | 64 characters |", names.MAX_NAME_LENGTH == 64),
-        ("DServer puts 2 MiB aside", reserve.RESERVE_BYTES == 2 << 20),
+        ("| the name of a robot, server or user | 64 characters |", run_directory.MAX_NAME_LENGTH == 64),
+        ("DServer puts 2 MiB aside", store.RESERVE_BYTES == 2 << 20),
         ("Once a second it looks whether there is room", dserver.SPACE_CHECK_INTERVAL_NS == 1_000_000_000),
         ("needs room for 32 more open files", network.FREE_DESCRIPTORS == 32),
-        ("16 KiB of a message count as one more", meter.BYTES_PER_TOKEN == 16 << 10),
-        ("| calls and signs of life | 2000 | 1000 |", rate_limits.CALL_RATE == (2000.0, 1000.0)),
-        ("| the same under the right `stop` | 500 | 100 |", rate_limits.STOP_RATE == (500.0, 100.0)),
-        ("| frames that are asked for again | 500 | 500 |", rate_limits.FETCH_RATE == (500.0, 500.0)),
+        ("16 KiB of a message count as one more", limits.BYTES_PER_TOKEN == 16 << 10),
+        ("| calls and signs of life | 2000 | 1000 |", limits.CALL_RATE == (2000.0, 1000.0)),
+        ("| the same under the right `stop` | 500 | 100 |", limits.STOP_RATE == (500.0, 100.0)),
+        ("| frames that are asked for again | 500 | 500 |", limits.FETCH_RATE == (500.0, 500.0)),
         (
             "| messages from clients of a program | 20000 | 10000 |",
-            rate_limits.PROGRAM_RATE == (20_000.0, 10_000.0),
+            limits.PROGRAM_RATE == (20_000.0, 10_000.0),
         ),
     ],
 )
@@ -289,8 +287,8 @@ def test_the_example_with_more_around_it(ada: Machine) -> None:
     class Charge(msgspec.Struct):
         rate: float
 
-    def charge(rate: float) -> Ask[float]:
-        return Ask("charge", Charge(rate), float, "command")
+    def charge(rate: float) -> CallRequest[float]:
+        return CallRequest("charge", Charge(rate), float, "command")
 
     server = ada.start(serve)
     ada.there("ada", "Battery")

@@ -13,10 +13,10 @@ from colony.ir.program import (
     ActuatorField,
     AnyModule,
     Chain,
-    Command,
     Module,
     Program,
     Robot,
+    TransferFunction,
     Use,
     Wire,
     Wiring,
@@ -79,5 +79,5 @@ def _actuator(name: str) -> Actuator:
 
 
 def _module(name: str) -> AnyModule:
-    command = Command(actuator="drive", fields=(Constant(type=DIMENSIONLESS, value=0.0),))
+    command = TransferFunction(actuator="drive", fields=(Constant(type=DIMENSIONLESS, value=0.0),))
     return Module(name=name, when=Constant(type=BOOL, value=True), command=command)

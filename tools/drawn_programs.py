@@ -23,19 +23,18 @@ from colony.ir.frame import Outcome
 from colony.ir.program import Actuator, Contract, Module, Program
 from colony.ir.types import BOOL
 from colony.verify.claims import any_of, binary, constant, negation
-from colony.verify.contracts.concrete_runs import LongRuns
+from colony.verify.contracts.concrete_runs import LongRuns, Replay
 from colony.verify.contracts.prove import prove_contracts
-from colony.verify.contracts.replay import Replay
-from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted
+from colony.verify.contracts.results import ProofOptions, Proved, ProvedInTime, Refuted
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
-from colony.verify.testing.disturbed import disturbed_run
 from colony.verify.testing.frames import Choices, draw_trace
+from colony.verify.testing.guided import disturbed_run
 from tests.drawn.strategies import run_of_seed
 from tests.verify.symbolic.trust import held_against
 from tools.outlining import outlined_disagreement
 
-_OPTIONS = Options(depth=2, max_frames=4, resources=300_000)
+_OPTIONS = ProofOptions(depth=2, max_frames=4, resources=300_000)
 _TRACES = 6
 _FRAMES = 12
 _MORE_CONTRACTS = 3

@@ -145,7 +145,7 @@ class _Round:
             parameter = used.get((text, type_))
             if parameter is None:
                 parameter = used[text, type_] = f"p{len(used)}"
-                has_default = isinstance(hole, ast.Number) and bool(hole.unit) and self.choices.one_in(2)
+                has_default = isinstance(hole, ast.NumberNode) and bool(hole.unit) and self.choices.one_in(2)
                 parameters.append(self.declared(parameter, type_) + (f" = {text}" if has_default else ""))
                 is_given = not has_default or self.choices.one_in(3)
                 by_name |= not is_given or self.choices.one_in(4)
@@ -235,7 +235,7 @@ class _Round:
             case ast.Infix(operator=operator, left=left, right=right):
                 if self.is_argument(left) and self.is_argument(right) and self.type_of(node) is not None:
                     return (operator, self.type_of(left), self.type_of(right))
-            case ast.Call(function=function, arguments=(argument, _)):
+            case ast.CallNode(function=function, arguments=(argument, _)):
                 if function.text in ("recently", "sustained") and self.is_argument(argument):
                     return (function.text, self.type_of(argument))
             case _:
@@ -244,7 +244,7 @@ class _Round:
 
     def operator_call(self, node: ast.Expression) -> str:
         """Return a call of the function of this round in the place of a node."""
-        assert isinstance(node, ast.Infix | ast.Call)
+        assert isinstance(node, ast.Infix | ast.CallNode)
         parts = (node.left, node.right) if isinstance(node, ast.Infix) else node.arguments
         a, b = (self.written(p) for p in parts)
         second = "b" if isinstance(node, ast.Infix) else "t"
@@ -262,7 +262,7 @@ class _Round:
         reads: dict[str, list[ast.Reference]] = {}
         asked = {
             call.arguments[0].text
-            for call in _records(module, ast.Call)
+            for call in _records(module, ast.CallNode)
             if call.function.text == "fresh" and isinstance(call.arguments[0], ast.Reference)
         }
         for node in _records(module, ast.Reference):
@@ -399,7 +399,7 @@ def _types(program: Program) -> Types:
     for e in all_subexpressions(program):
         if isinstance(e, ir.Element) and isinstance(e.index, ir.Constant):
             found.pop((e.index.span.start, e.index.span.end), None)  # it may be an angle
-        elif isinstance(e, ir.Call) and e.function in ir.INDEX_FUNCTIONS:
+        elif isinstance(e, ir.FunctionCall) and e.function in ir.INDEX_FUNCTIONS:
             (array,) = e.arguments  # of a slice the index is one of the whole, of an argument it is not
             found.pop((array.span.start, array.span.end), None)
         elif isinstance(e, ir.Reduce) and len(e.arrays) > 1:
@@ -455,7 +455,7 @@ def _free_names(root: ast.Expression, holes: Sequence[ast.Expression]) -> set[tu
         match node:
             case ast.Reference(path=path) if path[0] not in loops:
                 found.add(path)
-            case ast.Call(function=function) if function.text not in FUNCTION_NAMES:
+            case ast.CallNode(function=function) if function.text not in FUNCTION_NAMES:
                 found.add((function.text,))
             case ast.By() | ast.Is():
                 found.add(("part", "of a contract"))
@@ -466,7 +466,7 @@ def _free_names(root: ast.Expression, holes: Sequence[ast.Expression]) -> set[tu
 
 def _has_memory(root: ast.Expression) -> bool:
     names = {function.value for function in MemoryFunction}
-    return any(isinstance(p.node, ast.Call) and p.node.function.text in names for p in _parts(root))
+    return any(isinstance(p.node, ast.CallNode) and p.node.function.text in names for p in _parts(root))
 
 
 def _local_names(declaration: ast.Declaration) -> frozenset[str]:

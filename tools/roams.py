@@ -24,8 +24,8 @@ from colony.dsl.load import load_file
 from colony.experiment.parallel import PoolEngine
 from colony.nav.maps.free_space import FreeSpace, Place
 from colony.nav.maps.world_map import WorldMap, load_world
-from colony.robots.behavior import Behavior, behavior_from
-from colony.robots.described import DescribedRobot, described_robot
+from colony.runs.behavior import Behavior, behavior_from
+from colony.runs.described import DescribedRobot, described_robot
 from colony.runtime.assembly.loop import Loop
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.config import config_of

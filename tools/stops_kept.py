@@ -29,7 +29,7 @@ from typing import Literal, get_args
 
 import pytest
 
-from colony.runtime.arbitration.stop_file import FILE_BYTES, StopFile, StopState
+from colony.runtime.arbitration.stop_latch import FILE_BYTES, StopFile, StopState
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.kit.errors import RobotConnectionError

@@ -26,7 +26,7 @@ from colony.runtime.frames.run_frame import RunFrame
 from colony.watch.scene import scene_of
 from colony.watch.sources import LiveSource
 from colony.watch.store import SnapshotStore
-from colony.watch.trail import Trail
+from colony.watch.trail import RunTrail
 from colony.watch.watched import Watched
 from tests.analysis.recorded_runs import logs
 from tests.watch.browser.chromium import Browser, chromium
@@ -113,7 +113,7 @@ def measure(seconds: float, folder: Path, picture: Path | None) -> None:
     of = program(frame_ms)
     frames = run_of(of, 400, frame_ms)
     scene = scene_of(of, "measured", compile_program(of).compiled.clients)
-    store, trail = SnapshotStore(scene.modules, max_bytes=64 * 1024 * 1024), Trail(of)
+    store, trail = SnapshotStore(scene.modules, max_bytes=64 * 1024 * 1024), RunTrail(of)
     source = LiveSource(of, store, trail)
     for log in frames:
         source.put(log)

@@ -20,16 +20,19 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
-from colony.analysis.follower import Follower, Interpreters, Unknown, step_given
-from colony.analysis.report import AuditReport, ClientExplanation, ContractCount, Difference, Role
-from colony.analysis.verdict import (
+from colony.analysis.follower import Follower, Interpreters, UnknownMemory, step_given
+from colony.analysis.report import (
+    AuditReport,
+    ClientExplanation,
+    ContractCount,
+    Difference,
+    Role,
     is_excused,
     objection,
     outside_objection,
     same_decision,
 )
-from colony.ir.frame import Decision, Outcome
-from colony.ir.given import SentCommand, is_connection
+from colony.ir.frame import ActuatorOutcome, Decision, Outcome, is_connection
 from colony.ir.program import Program
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.recordings.recorded import RecordingReader
@@ -98,7 +101,7 @@ class Auditor:
         interpreter = self._follower.feed(frame)
         degraded = None if self._degraded is None else self._degraded.feed(frame)
         differences = [*self._sequence_faults(frame)]
-        if not isinstance(interpreter, Unknown):
+        if not isinstance(interpreter, UnknownMemory):
             differences += self._decisions(frame, interpreter, degraded)
         else:
             self._counts["forgotten" if interpreter.reason == "forgotten" else "unknown"] += 1
@@ -151,7 +154,7 @@ class Auditor:
             yield self._difference(frame, message)
 
     def _decisions(
-        self, frame: RunFrame, interpreter: Interpreter, degraded: Interpreter | Unknown | None
+        self, frame: RunFrame, interpreter: Interpreter, degraded: Interpreter | UnknownMemory | None
     ) -> Iterator[Difference]:
         """Decide the frame, and yield the differences of verdicts and broken contracts.
 
@@ -164,7 +167,7 @@ class Auditor:
             decisions = degraded.step(frame.frame, lost, frame.answers).decisions
             expected |= {d.actuator: (d, degraded) for d in decisions if self._degrades(d.actuator)}
         for name, (decision, decider) in expected.items():
-            if isinstance(degraded, Unknown) and self._degrades(name):
+            if isinstance(degraded, UnknownMemory) and self._degrades(name):
                 self._counts["undecided"] += 1
                 continue
             yield from self._compare(frame, name, decision, decider, interpreter)
@@ -220,7 +223,7 @@ class Auditor:
             clients=_client_explanations(verdict, expected, decider, self._clients[name]),
         )
 
-    def _has_one_winner(self, frame: RunFrame, degraded: Interpreter | Unknown | None) -> bool:
+    def _has_one_winner(self, frame: RunFrame, degraded: Interpreter | UnknownMemory | None) -> bool:
         """Return True if what was sent is known of every actuator, and follows from the interpreter alone."""
         verdicts = frame.verdicts
         if len(verdicts) < len(self._actuators) or any(v.violation for v in verdicts.values()):
@@ -262,7 +265,7 @@ class Auditor:
 
 
 def _client_explanations(
-    verdict: SentCommand, expected: Decision, interpreter: Interpreter, clients: tuple[str, ...]
+    verdict: ActuatorOutcome, expected: Decision, interpreter: Interpreter, clients: tuple[str, ...]
 ) -> tuple[ClientExplanation, ...]:
     """Return all clients in the recorded order, or in the order of declaration if some have no fate."""
     fates = dict(verdict.fates)

@@ -12,8 +12,7 @@ from typing import Generic, Literal, NamedTuple, Protocol, TypeVar
 
 from colony.compile.pipeline import compile_program
 from colony.execute.executor import ProgramExecutor
-from colony.ir.frame import Executor, Outcome
-from colony.ir.given import given_in_frame
+from colony.ir.frame import Executor, Outcome, given_in_frame
 from colony.ir.memory import ProgramMemory
 from colony.ir.program import Program, PythonModule
 from colony.runtime.frames.run_frame import Keyframe, RunFrame
@@ -26,7 +25,7 @@ E = TypeVar("E")
 E_co = TypeVar("E_co", covariant=True)
 
 
-class Unknown(NamedTuple):
+class UnknownMemory(NamedTuple):
     """The memory before a frame is not known.
 
     `reason` is "not observed" if the frame itself says so, "no answer" if the frame lacks the answer of a
@@ -164,7 +163,7 @@ class Follower(Generic[E]):
         self.has_resumed = False
         self.damaged: list[DamagedSpan] = []
 
-    def feed(self, frame: RunFrame) -> E | Unknown:
+    def feed(self, frame: RunFrame) -> E | UnknownMemory:
         """Take the next frame; return the executor that can decide it."""
         self.has_resumed = False
         if frame.damaged:
@@ -181,8 +180,8 @@ class Follower(Generic[E]):
             self.executor = None
         if not self._executors.answered <= frame.answers.keys():
             self.executor = None
-            return Unknown("no answer")
-        return self.executor or Unknown("not observed" if frame.memory_unknown else "forgotten")
+            return UnknownMemory("no answer")
+        return self.executor or UnknownMemory("not observed" if frame.memory_unknown else "forgotten")
 
     def end(self, *, damaged: bool) -> None:
         """If `damaged`, record that the recording is damaged after its last frame."""

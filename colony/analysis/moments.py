@@ -4,18 +4,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from colony.analysis.follower import DamagedSpan, Follower, Interpreters, Unknown, step_given
+from colony.analysis.follower import DamagedSpan, Follower, Interpreters, UnknownMemory, step_given
 from colony.ir.program import Program, Sensor, modules_that_can_be_lost
 from colony.runtime.frames.run_frame import RunFrame
 from colony.verify.explain.causes import Absence
-from colony.verify.explain.history import NO_HISTORY, Historian, History
-from colony.verify.explain.moment import Moment, moment_of
+from colony.verify.explain.moment import NO_HISTORY, Historian, History, Moment, moment_of
 from colony.verify.reference.boundary import FUTURE, age_checked
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.memory import InterpreterState
 
 
-class Checkpoint(NamedTuple):
+class FollowerCheckpoint(NamedTuple):
     """All that a follower remembers after a frame: the state of its interpreter, and the history.
 
     `state` is None where memory is initial, and `is_known` false where it is not known.
@@ -33,7 +32,7 @@ class MomentFollower:
     frame, to be explained; it is None where memory is not known.
     """
 
-    def __init__(self, program: Program, checkpoint: Checkpoint | None = None) -> None:
+    def __init__(self, program: Program, checkpoint: FollowerCheckpoint | None = None) -> None:
         self._program = program
         self._can_be_lost = frozenset(modules_that_can_be_lost(program))
         interpreters = Interpreters(program)
@@ -46,11 +45,11 @@ class MomentFollower:
         self.moment: Moment | None = None
 
     @property
-    def checkpoint(self) -> Checkpoint:
+    def checkpoint(self) -> FollowerCheckpoint:
         """All that must be known to go on after the last frame."""
         interpreter = self.interpreter
         state = None if interpreter is None else interpreter.state
-        return Checkpoint(state, interpreter is not None, self._historian.history)
+        return FollowerCheckpoint(state, interpreter is not None, self._historian.history)
 
     @property
     def interpreter(self) -> Interpreter | None:
@@ -67,7 +66,7 @@ class MomentFollower:
         interpreter = self._follower.feed(frame)
         if self._follower.has_resumed:
             self._historian, self._is_first = Historian(self._program), True
-        self.moment = None if isinstance(interpreter, Unknown) else self._moment(interpreter, frame)
+        self.moment = None if isinstance(interpreter, UnknownMemory) else self._moment(interpreter, frame)
         self._is_first = False
         return self.moment
 

@@ -17,9 +17,9 @@ from colony.dsl.robot_import import ProgramContext
 from colony.dsl.site import SiteParams
 from colony.dsl.site_reading import params_of
 from colony.execute.compiled import SourceFile, is_source_path
+from colony.files import naming
 from colony.ir.program import Program
 from colony.ir.site import Site
-from colony.os_errors import naming
 from colony.runtime.recordings.opening import open_recording, read_recording, recorded_site
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error, has_errors, headline

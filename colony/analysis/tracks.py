@@ -6,14 +6,14 @@ import re
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from colony.ir.given import MISSED
+from colony.ir.frame import MISSED
 from colony.ir.program import Program
 from colony.runtime.frames.run_frame import RunFrame
-from colony.text.suggestions import did_you_mean
+from colony.text.wording import did_you_mean
 from colony.verify.explain.moment import Moment
 
 
-class Change(NamedTuple):
+class TrackChange(NamedTuple):
     """A value that a track has from a frame on."""
 
     t_ns: int
@@ -21,7 +21,7 @@ class Change(NamedTuple):
     value: str
 
 
-Tracks = dict[str, list[Change]]
+Tracks = dict[str, list[TrackChange]]
 """Tracks by name: `module NAME`, `sensor NAME`, `actuator NAME`, `client NAME`."""
 
 IDLE = "idle"
@@ -49,7 +49,7 @@ class TrackWriter:
         for name, value in values.items():
             track = self.tracks.setdefault(name, [])
             if not track or track[-1].value != value:
-                track.append(Change(t_ns, k, value))
+                track.append(TrackChange(t_ns, k, value))
 
 
 def _of_runtime(recorded: RunFrame) -> Iterator[tuple[str, str]]:
@@ -70,25 +70,25 @@ def _of_moment(moment: Moment) -> Iterator[tuple[str, str]]:
         yield f"sensor {name}", str(since.value)
 
 
-class Span(NamedTuple):
+class FrameSpan(NamedTuple):
     """Frames from `start` on in which a condition holds, up to `end`; None if it holds to the end."""
 
-    start: Change
-    end: Change | None
+    start: TrackChange
+    end: TrackChange | None
 
 
-def spans(track: list[Change], value: str, *, negated: bool = False) -> Iterator[Span]:
+def spans(track: list[TrackChange], value: str, *, negated: bool = False) -> Iterator[FrameSpan]:
     """Yield where a track has a value or, if `negated`, another known value."""
-    start: Change | None = None
+    start: TrackChange | None = None
     for change in track:
         holds = change.value not in (value, UNKNOWN) if negated else change.value == value
         if holds and start is None:
             start = change
         if not holds and start is not None:
-            yield Span(start, change)
+            yield FrameSpan(start, change)
             start = None
     if start is not None:
-        yield Span(start, None)
+        yield FrameSpan(start, None)
 
 
 # --- conditions ------------------------------------------------------------------------------------
@@ -164,7 +164,7 @@ def _known(name: str, names: list[str], kind: str) -> str:
     raise ConditionError(f"no {kind} `{name}`; {hint}")
 
 
-def spans_of(tracks: Tracks, condition: Condition, from_ns: int | None = None) -> Iterator[Span]:
+def spans_of(tracks: Tracks, condition: Condition, from_ns: int | None = None) -> Iterator[FrameSpan]:
     """Yield the spans of frames in which a condition holds, those that begin at `from_ns` or later."""
     for span in spans(tracks.get(condition.track, []), condition.value, negated=condition.negated):
         if from_ns is None or span.start.t_ns >= from_ns:

@@ -8,35 +8,34 @@ from itertools import combinations
 from typing import Protocol
 
 from colony.body.devices import (
-    Base,
-    Battery,
-    Bumper,
+    BaseSpec,
+    BatterySpec,
+    BumperSpec,
     Button,
-    Camera,
-    CeilingCamera,
-    Cliff,
+    CameraSpec,
+    CeilingCameraSpec,
+    CliffSpec,
     Device,
-    DockSensor,
-    Encoders,
-    Joint,
-    Lidar,
+    DockSensorSpec,
+    EncodersSpec,
+    JointSpec,
+    LidarSpec,
     Output,
     Proximity,
     RangeFinder,
     RotaryJoint,
     ValueField,
-    Values,
+    ValuesSpec,
 )
-from colony.body.model import Body, Circle, Omnidirectional, Polygon, Rolling, Server, radius_mm
+from colony.body.model import Body, Circle, Omnidirectional, Polygon, Rolling, ServerTable, radius_mm
 from colony.body.ros2 import BASE_NAMES, BASE_TYPES, unit_problem
 from colony.ir.bearings import TURN, too_many_hint, uniform
 from colony.ir.servers import COMMON_SERVERS, MAX_SERVER_NAME, PROXIMITY, RESERVED_SERVER_NAMES, RSERVER
 from colony.ir.types import DISTANCE, Array, type_text
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
-from colony.text.suggestions import did_you_mean
 from colony.text.units import readable_unit
-from colony.text.wording import degrees_text, quoted, shortened
+from colony.text.wording import degrees_text, did_you_mean, quoted, shortened
 
 # --- device consistency -------------------------------------------------------------------------------
 #
@@ -71,23 +70,23 @@ def device_contradictions(
     match device:
         case Proximity() as ring:
             yield from _proximity(ring, body, places, keys)
-        case Lidar() as lidar:
+        case LidarSpec() as lidar:
             yield from _turn(lidar.step_deg, lidar.count, places, keys)
             yield from misplaced(lidar.pose, (*keys, "pose"), body, places)
         case RangeFinder() as finder:
             yield from _range_finder(finder, body, places, keys)
-        case Bumper() as bumper:
+        case BumperSpec() as bumper:
             yield from _bumper(bumper, places, keys)
-        case Camera(pose=pose) | DockSensor(pose=pose):
+        case CameraSpec(pose=pose) | DockSensorSpec(pose=pose):
             yield from misplaced(pose, (*keys, "pose"), body, places)
-        case Cliff() as cliff:
+        case CliffSpec() as cliff:
             for place in cliff.places:
                 yield from misplaced(place, (*keys, "places"), body, places)
-        case Joint() as joint:
+        case JointSpec() as joint:
             yield from _joint(joint, "mm", places, keys)
         case RotaryJoint() as joint:
             yield from _joint(joint, "deg", places, keys)
-        case Encoders() as encoders:
+        case EncodersSpec() as encoders:
             yield from _encoders(encoders, body, places, keys)
         case _:
             yield from _unplaced(device, places, keys)
@@ -99,14 +98,14 @@ def _unplaced(device: Device | None, places: Located, keys: tuple[str, ...]) -> 
         case Output(outputs=outputs) if not 0 < len(outputs) <= MAX_OUTPUTS:
             message = f"{len(outputs)} outputs; expected 1 to {MAX_OUTPUTS}"
             yield error("B009", places.value(*keys, "outputs"), message)
-        case Values(values=values) if not 0 < len(values) <= MAX_OUTPUTS:
+        case ValuesSpec(values=values) if not 0 < len(values) <= MAX_OUTPUTS:
             yield error(
                 "B009", places.value(*keys, "values"), f"{len(values)} values; expected 1 to {MAX_OUTPUTS}"
             )
-        case Values(values=values):
+        case ValuesSpec(values=values):
             for name, value in values.items():
                 yield from _value(value, places, (*keys, "values", name))
-        case Battery() as battery:
+        case BatterySpec() as battery:
             yield from _battery(battery, places, keys)
         case Button(names=names) if len(set(names)) < len(names):
             twice = next(name for i, name in enumerate(names) if name in names[:i])
@@ -127,7 +126,7 @@ def misplaced(
 
 
 def _joint(
-    joint: Joint | RotaryJoint, unit: str, places: Located, keys: tuple[str, ...]
+    joint: JointSpec | RotaryJoint, unit: str, places: Located, keys: tuple[str, ...]
 ) -> Iterator[Diagnostic]:
     low, high = joint.ends
     if low >= high:
@@ -176,7 +175,9 @@ def _value(field: ValueField, places: Located, keys: tuple[str, ...]) -> Iterato
         yield error("B009", places.value(*keys, "edge"), "only numbers fade", 'write `edge = "sharp"`')
 
 
-def _encoders(encoders: Encoders, body: Body, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
+def _encoders(
+    encoders: EncodersSpec, body: Body, places: Located, keys: tuple[str, ...]
+) -> Iterator[Diagnostic]:
     wheels = len(body.chassis.drive.rolling)
     if not wheels:
         message = "encoders of wheels that the drive does not describe"
@@ -187,7 +188,7 @@ def _encoders(encoders: Encoders, body: Body, places: Located, keys: tuple[str, 
         yield error("B009", where, message, f"write `wheels = {wheels}`")
 
 
-def _battery(battery: Battery, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
+def _battery(battery: BatterySpec, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
     if 0.0 < battery.charger_w <= battery.standing_w:
         message = (
             f"the charger gives {battery.charger_w:g} W, and the robot takes {battery.standing_w:g} W: "
@@ -231,7 +232,7 @@ def _range_finder(
         yield error("B009", places.value(*keys, "nearest"), message, None, label)
 
 
-def _bumper(bumper: Bumper, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
+def _bumper(bumper: BumperSpec, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
     """Yield an error for each sector that is none."""
     for first, last in bumper.sectors:
         text = f"`{degrees_text(first)} .. {degrees_text(last)}`"
@@ -252,7 +253,7 @@ def _bumper(bumper: Bumper, places: Located, keys: tuple[str, ...]) -> Iterator[
 _COMMON_NAMES = frozenset(server.name for server in COMMON_SERVERS)
 
 _FIXED_NAMES: tuple[tuple[type, str, str], ...] = (
-    (Base, RSERVER.name, "base"),
+    (BaseSpec, RSERVER.name, "base"),
     (Proximity, PROXIMITY, "proximity"),
 )
 """The devices that one server alone serves, with its name."""
@@ -296,7 +297,7 @@ def _unusable_name(name: str, places: Located) -> Iterator[Diagnostic]:
     yield error("B009", places.key("server", name), message, "give the server another name")
 
 
-def _fixed_name(name: str, server: Server, places: Located) -> Iterator[Diagnostic]:
+def _fixed_name(name: str, server: ServerTable, places: Located) -> Iterator[Diagnostic]:
     """Yield an error for a device that the server of this name does not serve."""
     for type_, fixed, word in _FIXED_NAMES:
         if isinstance(server.simulated, type_) and name != fixed:
@@ -307,7 +308,7 @@ def _fixed_name(name: str, server: Server, places: Located) -> Iterator[Diagnost
         else:
             continue
         yield error("B009", places.value("server", name, "simulated", "device"), message, hint)
-    if isinstance(server.simulated, Camera | CeilingCamera) and server.is_real:
+    if isinstance(server.simulated, CameraSpec | CeilingCameraSpec) and server.is_real:
         key = "ros2" if server.hardware is None else "hardware"
         message = f"`{name}` is a camera: cameras have no drivers of their own yet"
         yield error("B009", places.key("server", name, key), message, f"leave out `{key}`")
@@ -315,7 +316,7 @@ def _fixed_name(name: str, server: Server, places: Located) -> Iterator[Diagnost
 
 def _topics(name: str, body: Body, places: Located) -> Iterator[Diagnostic]:
     """Yield an error for each topic of ROS 2 that its server cannot have."""
-    server, is_base = body.servers[name], isinstance(body.device(name), Base)
+    server, is_base = body.servers[name], isinstance(body.device(name), BaseSpec)
     keys = ("server", name, "ros2")
     if server.ros2 and server.hardware is not None:
         message = f"`{name}` has a driver and topics of ROS 2"
@@ -333,7 +334,7 @@ def _topics(name: str, body: Body, places: Located) -> Iterator[Diagnostic]:
             yield error("B007", places.value(*keys, key, "unit"), problem)
 
 
-def _faults(server: Server, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
+def _faults(server: ServerTable, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
     """Yield an error for faults that the device cannot have."""
     if server.faults is None:
         return
@@ -341,7 +342,7 @@ def _faults(server: Server, places: Located, keys: tuple[str, ...]) -> Iterator[
         message = f"`{keys[-1]}` has faults, but no simulated device"
         hint = "only simulated devices have faults: leave out `faults`"
         yield error("B009", places.key(*keys, "faults"), message, hint)
-    elif isinstance(server.simulated, Camera | CeilingCamera):
+    elif isinstance(server.simulated, CameraSpec | CeilingCameraSpec):
         message = f"`{keys[-1]}` is a camera: its images are asked for, and have no faults"
         yield error("B009", places.key(*keys, "faults"), message, "leave out `faults`")
     elif server.faults.missing + server.faults.frozen >= 1.0:
@@ -358,7 +359,7 @@ def _fields(name: str, body: Body, places: Located) -> Iterator[Diagnostic]:
     keys = ("server", name, "fields")
     server, device = body.servers[name], body.device(name)
     specs = {} if device is None else {spec.name: spec for spec in device.fields}
-    is_closed = isinstance(device, Base) or (device is not None and not server.is_real)
+    is_closed = isinstance(device, BaseSpec) or (device is not None and not server.is_real)
     for field, own in server.fields.items():
         spec = specs.get(field)
         if own.blocked and own.no_echo_mm is None:

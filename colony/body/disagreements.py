@@ -7,24 +7,24 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 from colony.body.devices import (
-    Base,
-    Bumper,
-    Camera,
-    CeilingCamera,
-    Cliff,
+    BaseSpec,
+    BumperSpec,
+    CameraSpec,
+    CeilingCameraSpec,
+    CliffSpec,
     Device,
     Directed,
-    DockSensor,
-    Encoders,
-    Joint,
-    Lidar,
+    DockSensorSpec,
+    EncodersSpec,
+    JointSpec,
+    LidarSpec,
     Output,
     Proximity,
     RangeFinder,
     RotaryJoint,
-    Values,
+    ValuesSpec,
 )
-from colony.body.model import Body, Server
+from colony.body.model import Body, ServerTable
 from colony.body.reader import BodyFile
 from colony.body.ros2 import AUTO, TWIST, TWIST_STAMPED, is_scan
 from colony.body.servers import servers_of
@@ -40,8 +40,7 @@ from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
 from colony.ir.servers import FieldSpec, ServerSpec
 from colony.ir.types import DISTANCE, Array, Quantity, bearings_of, element_type, is_percent
 from colony.text.diagnostics import Diagnostic, Label, error, warning
-from colony.text.suggestions import did_you_mean
-from colony.text.wording import counted, degrees_text, duration_text
+from colony.text.wording import counted, degrees_text, did_you_mean, duration_text
 
 _SAME_WITHIN_DEG = 1e-6
 """The angle between bearings that count as equal: a text in radians is rounded."""
@@ -148,7 +147,7 @@ def _with_body(misfit: Diagnostic, declared: Sensor | Actuator, body: Body, file
     return replace(misfit, hint=hint, labels=(here,))
 
 
-def _size(sensor: Sensor, spec: FieldSpec, server: Server, file: BodyFile) -> Iterator[Diagnostic]:
+def _size(sensor: Sensor, spec: FieldSpec, server: ServerTable, file: BodyFile) -> Iterator[Diagnostic]:
     """Yield an error where a sensor has more or fewer elements than its device."""
     if not isinstance(spec.type, Array) or not fits(element_type(sensor.type), spec.type.element):
         return
@@ -163,24 +162,24 @@ def _size(sensor: Sensor, spec: FieldSpec, server: Server, file: BodyFile) -> It
 def _size_key(device: Device | None) -> str:
     """Return the key that says how many elements a device has."""
     match device:
-        case Cliff():
+        case CliffSpec():
             return "places"
         case RangeFinder():
             return "poses"
-        case Bumper():
+        case BumperSpec():
             return "sectors"
-        case Encoders():
+        case EncodersSpec():
             return "wheels" if device.wheels != 2 else "device"
         case _:
             return "count"
 
 
-def _bearings(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic]:
+def _bearings(sensor: Sensor, server: ServerTable, file: BodyFile) -> Iterator[Diagnostic]:
     """Yield an error where an element looks along another bearing than that of the device."""
     device = server.simulated
-    if isinstance(device, Bumper) and sensor.field == device.field:
+    if isinstance(device, BumperSpec) and sensor.field == device.field:
         yield from _sectors(sensor, device, file)
-    if isinstance(device, Cliff) and sensor.field == device.field:
+    if isinstance(device, CliffSpec) and sensor.field == device.field:
         yield from _places(sensor, device, file)
     if not isinstance(device, Directed) or sensor.field not in {f.name for f in device.fields}:
         return
@@ -199,7 +198,7 @@ def _bearings(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagno
             return
 
 
-def _sectors(sensor: Sensor, bumper: Bumper, file: BodyFile) -> Iterator[Diagnostic]:
+def _sectors(sensor: Sensor, bumper: BumperSpec, file: BodyFile) -> Iterator[Diagnostic]:
     """Yield an error where an element of a bumper looks along a bearing outside of its sector."""
     own = bearings_of(sensor.type)
     for i, (first, last) in enumerate(() if own is None else bumper.sectors):
@@ -213,10 +212,10 @@ def _sectors(sensor: Sensor, bumper: Bumper, file: BodyFile) -> Iterator[Diagnos
             return
 
 
-def _bare(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic]:
+def _bare(sensor: Sensor, server: ServerTable, file: BodyFile) -> Iterator[Diagnostic]:
     """Yield an error for each number without a unit of a field that the interface declares in percent."""
     device = server.simulated
-    if not (is_percent(sensor.type) and isinstance(device, Values) and sensor.field in device.values):
+    if not (is_percent(sensor.type) and isinstance(device, ValuesSpec) and sensor.field in device.values):
         return
     field = device.values[sensor.field]
     noise = () if field.noise is None else (("noise", field.noise),)
@@ -230,7 +229,7 @@ def _bare(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic
             yield error("B007", where, message, hint, Label(sensor.span, "declared here"))
 
 
-def _places(sensor: Sensor, cliff: Cliff, file: BodyFile) -> Iterator[Diagnostic]:
+def _places(sensor: Sensor, cliff: CliffSpec, file: BodyFile) -> Iterator[Diagnostic]:
     """Yield an error where an element looks away from its place, or towards another one's place."""
     own, places = bearings_of(sensor.type), cliff.directions()
     for i, angle in enumerate(() if own is None else own.angles):
@@ -270,7 +269,7 @@ def _between(a: float, b: float) -> float:
     return abs((a - b + TURN / 2) % TURN - TURN / 2)
 
 
-def _ends(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic]:
+def _ends(sensor: Sensor, server: ServerTable, file: BodyFile) -> Iterator[Diagnostic]:
     """Yield an error where a reading is beyond the sensor's range, which would clamp it."""
 
     def shown(value: float) -> str:
@@ -288,7 +287,7 @@ def _ends(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic
             yield error("B015", where, f"`{sensor.name}` {found}", hint, declared)
 
 
-def _readings(sensor: Sensor, server: Server) -> dict[tuple[str, ...], tuple[float, float]]:
+def _readings(sensor: Sensor, server: ServerTable) -> dict[tuple[str, ...], tuple[float, float]]:
     """Return the least and greatest readings that a body knows of a sensor, by the keys that say so."""
     own, of = server.fields.get(sensor.field), element_type(sensor.type)
     found: dict[tuple[str, ...], tuple[float, float]] = {}
@@ -297,21 +296,21 @@ def _readings(sensor: Sensor, server: Server) -> dict[tuple[str, ...], tuple[flo
     match server.simulated:
         case Proximity() as ring if sensor.field == "sonar":
             found["simulated", "sonar", "range"] = (ring.sonar.range_mm, ring.sonar.range_mm)
-        case Lidar() as lidar if sensor.field == lidar.field:
+        case LidarSpec() as lidar if sensor.field == lidar.field:
             found["simulated", "range"] = (lidar.range_mm, lidar.range_mm)
         case RangeFinder() as finder if sensor.field == finder.field:
             found["simulated", "range"] = (finder.range_mm, finder.range_mm)
             if finder.nearest_mm:
                 found["simulated", "nearest"] = (finder.nearest_mm, finder.nearest_mm)
-        case (Joint() | RotaryJoint()) as joint if sensor.field in ("position", "target") and isinstance(
+        case (JointSpec() | RotaryJoint()) as joint if sensor.field in ("position", "target") and isinstance(
             of, Quantity
         ):
             found["simulated", "range"] = joint.ends
-        case (Joint() | RotaryJoint()) as joint if sensor.field == "velocity":
+        case (JointSpec() | RotaryJoint()) as joint if sensor.field == "velocity":
             found["simulated", "speed"] = (-joint.speed, joint.speed)
-        case DockSensor() as dock_sensor if sensor.field == "dock_distance":
+        case DockSensorSpec() as dock_sensor if sensor.field == "dock_distance":
             found["simulated", "range"] = (0.0, dock_sensor.farthest_mm)
-        case Values(values=values) if sensor.field in values and isinstance(of, Quantity):
+        case ValuesSpec(values=values) if sensor.field in values and isinstance(of, Quantity):
             for key, amount in values[sensor.field].amounts:
                 ends = found.get(("simulated", "values", sensor.field, key), (math.inf, -math.inf))
                 value = float(amount.value)
@@ -324,7 +323,7 @@ def _readings(sensor: Sensor, server: Server) -> dict[tuple[str, ...], tuple[flo
     return found
 
 
-def _blocked(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnostic]:
+def _blocked(sensor: Sensor, server: ServerTable, file: BodyFile) -> Iterator[Diagnostic]:
     """Yield an error for each blocked interval in which no element looks."""
     own, bearings = server.fields.get(sensor.field), bearings_of(sensor.type)
     for i, (low, high) in enumerate(() if own is None else own.blocked):
@@ -336,7 +335,7 @@ def _blocked(sensor: Sensor, server: Server, file: BodyFile) -> Iterator[Diagnos
             yield error("B014", where, message, None, Label(sensor.span, "declared here"))
 
 
-def _times(sensor: Sensor, server: Server, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
+def _times(sensor: Sensor, server: ServerTable, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
     """Yield an error where a field is measured less often, or arrives later, than it is read."""
     if sensor.within_ns is None:
         return
@@ -364,7 +363,7 @@ def _actuator(
 ) -> Iterator[Diagnostic]:
     found = list(declaration_misfits(actuator, servers))
     yield from (_with_body(d, actuator, body, file) for d in found)
-    if not found and actuator.server in body.servers and isinstance(body.device(actuator.server), Base):
+    if not found and actuator.server in body.servers and isinstance(body.device(actuator.server), BaseSpec):
         limits = body.chassis.limits
         highest = {
             "velocity": limits.velocity_mm_s,
@@ -400,7 +399,7 @@ def _topics(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
     sensors = {(s.server, s.field): s for s in reversed(robot.sensors) if s.sent is None}
     commands = {(a.server, a.command) for a in robot.actuators}
     for name, server in body.servers.items():
-        if isinstance(body.device(name), Base):
+        if isinstance(body.device(name), BaseSpec):
             continue
         for key, topic in server.ros2.items():
             keys, sensor = ("server", name, "ros2", key), sensors.get((name, key))
@@ -429,7 +428,7 @@ def _unread(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
     named = {server for server, _ in read} | {a.server for a in robot.actuators}
     for name, server in body.servers.items():
         if name not in named:
-            if not isinstance(server.simulated, Camera | CeilingCamera):
+            if not isinstance(server.simulated, CameraSpec | CeilingCameraSpec):
                 message = f"nothing in the interface reads or commands `{name}`"
                 yield warning("B018", file.key("server", name), message)
             continue

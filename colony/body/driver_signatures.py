@@ -8,14 +8,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
-from colony.body.devices import Base
-from colony.body.model import Hardware
+from colony.body.devices import BaseSpec
+from colony.body.model import HardwareTable
 from colony.body.reader import BodyFile
 from colony.files import read_file
 from colony.ir.program import Actuator
 from colony.text.diagnostics import Diagnostic, error, warning
-from colony.text.suggestions import did_you_mean
-from colony.text.wording import listed, quoted
+from colony.text.wording import did_you_mean, listed, quoted
 
 MAX_BYTES = 4 << 20
 """Maximum size of a module that is read."""
@@ -35,7 +34,7 @@ def driver_misfits(file: BodyFile, actuators: Sequence[Actuator] = ()) -> Iterat
 
 
 def _misfits(
-    server: str, hardware: Hardware, file: BodyFile, commands: Sequence[str]
+    server: str, hardware: HardwareTable, file: BodyFile, commands: Sequence[str]
 ) -> Iterator[Diagnostic]:
     module, _, name = hardware.driver.partition(":")
     place = file.value("server", server, "hardware", "driver")
@@ -57,7 +56,7 @@ def _misfits(
     elif (accepted := _parameters(names.get(name))) is not None:
         yield from _option_misfits(server, hardware, file, accepted)
     assert file.body is not None
-    method = "drive" if isinstance(file.body.device(server), Base) else "command"
+    method = "drive" if isinstance(file.body.device(server), BaseSpec) else "command"
     missing = _missing_commands(names.get(name), method, commands)
     if missing:
         yield error("B020", place, f"`{hardware.driver}` has no {missing}")
@@ -102,7 +101,7 @@ def _is_of_type(value: object, annotation: ast.expr | None) -> bool:
 
 
 def _option_misfits(
-    server: str, hardware: Hardware, file: BodyFile, accepted: ast.arguments
+    server: str, hardware: HardwareTable, file: BodyFile, accepted: ast.arguments
 ) -> Iterator[Diagnostic]:
     declared = (*accepted.posonlyargs, *accepted.args, *accepted.kwonlyargs)
     parameters = [a.arg for a in declared]

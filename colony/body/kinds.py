@@ -22,7 +22,7 @@ NAME = "[A-Za-z_][A-Za-z0-9_]*"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bounds:
+class AllowedRange:
     """The values that are allowed, in base units; `low` itself is not if `is_open`."""
 
     low: float = -math.inf
@@ -34,9 +34,9 @@ class Bounds:
         return (self.low < value if self.is_open else self.low <= value) and value <= self.high
 
 
-ANY = Bounds()
-NOT_NEGATIVE = Bounds(low=0.0)
-POSITIVE = Bounds(low=0.0, is_open=True)
+ANY = AllowedRange()
+NOT_NEGATIVE = AllowedRange(low=0.0)
+POSITIVE = AllowedRange(low=0.0, is_open=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ class Measure:
 
     dimension: Dimension
     example: str
-    bounds: Bounds = ANY
+    bounds: AllowedRange = ANY
 
 
 class Amount(NamedTuple):
@@ -86,7 +86,7 @@ class Whole:
 
 
 @dataclass(frozen=True, slots=True)
-class Word:
+class WordKind:
     """One of several words."""
 
     words: tuple[str, ...]
@@ -98,7 +98,7 @@ class Flag:
 
 
 @dataclass(frozen=True, slots=True)
-class Text:
+class TextKind:
     """A text that matches a pattern as a whole; `form` describes it in messages."""
 
     pattern: str
@@ -115,7 +115,7 @@ class Many:
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class FixedArray:
     """An array with a kind for each place, read as an instance of the named tuple `type`."""
 
     items: tuple[Kind, ...]
@@ -123,7 +123,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True)
-class Table:
+class TableKind:
     """A table, read as an instance of a data class whose fields are declared with `entry`."""
 
     type: type
@@ -138,19 +138,31 @@ class OneOf:
 
 
 @dataclass(frozen=True, slots=True)
-class Named:
+class NamedTables:
     """A table of tables of one kind by name, read as a dictionary."""
 
     item: Kind
 
 
 @dataclass(frozen=True, slots=True)
-class Options:
+class FreeKeys:
     """The keys of the table that are not fields: texts, numbers and bools, read as a dictionary."""
 
 
 Kind = (
-    Measure | AnyAmount | Interval | Whole | Word | Flag | Text | Many | Row | Table | OneOf | Named | Options
+    Measure
+    | AnyAmount
+    | Interval
+    | Whole
+    | WordKind
+    | Flag
+    | TextKind
+    | Many
+    | FixedArray
+    | TableKind
+    | OneOf
+    | NamedTables
+    | FreeKeys
 )
 
 
@@ -200,7 +212,7 @@ NUMBER_PATTERN = r"[+-]?[0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]{1,3})?"
 _QUANTITY = re.compile(rf"\s*({NUMBER_PATTERN})\s*(\S*)\s*")
 
 
-class Problem(NamedTuple):
+class RejectedText(NamedTuple):
     """Why a text is no such quantity: its code, what was found and expected, and a hint."""
 
     code: str
@@ -208,42 +220,42 @@ class Problem(NamedTuple):
     hint: str | None
 
 
-def parse_quantity(text: str, dimension: Dimension, example: str) -> float | Problem:
+def parse_quantity(text: str, dimension: Dimension, example: str) -> float | RejectedText:
     """Return a quantity in base units, rounded once, or the problem; `example` is for the hint."""
     parts = _parts(text, example)
-    return parts if isinstance(parts, Problem) else _in_base_units(*parts, dimension, example)
+    return parts if isinstance(parts, RejectedText) else _in_base_units(*parts, dimension, example)
 
 
-def parse_amount(text: str, example: str) -> Amount | Problem:
+def parse_amount(text: str, example: str) -> Amount | RejectedText:
     """Return a quantity of any dimension, or a name, or the problem; `example` is for the hint."""
     if re.fullmatch(NAME, text):
         return Amount(text, NUMBER)
     parts = _parts(text, example)
-    if isinstance(parts, Problem):
+    if isinstance(parts, RejectedText):
         return parts
     try:
         dimension = parse_unit(parts[1]).dimension if parts[1] else NUMBER
     except UnitError as problem:
-        return Problem("B007", str(problem), _such_as(example))
+        return RejectedText("B007", str(problem), _such_as(example))
     value = _in_base_units(*parts, dimension, example)
-    return value if isinstance(value, Problem) else Amount(value, dimension, parts[1])
+    return value if isinstance(value, RejectedText) else Amount(value, dimension, parts[1])
 
 
-def parse_interval(text: str, dimension: Dimension, example: str) -> tuple[float, float] | Problem:
+def parse_interval(text: str, dimension: Dimension, example: str) -> tuple[float, float] | RejectedText:
     """Return the ends of `LOW .. HIGH` in base units, or the problem; a unit after HIGH alone is for both."""
     ends = text.split("..")
     if len(ends) != 2:
-        return Problem("B006", f"found `{text[:MAX_LENGTH]}`; expected `LOW .. HIGH`", _such_as(example))
+        return RejectedText("B006", f"found `{text[:MAX_LENGTH]}`; expected `LOW .. HIGH`", _such_as(example))
     first, last = _parts(ends[0], example), _parts(ends[1], example)
-    if isinstance(first, Problem):
+    if isinstance(first, RejectedText):
         return first
-    if isinstance(last, Problem):
+    if isinstance(last, RejectedText):
         return last
     low = _in_base_units(first[0], first[1] or last[1], dimension, example)
     high = _in_base_units(*last, dimension, example)
-    if isinstance(low, Problem):
+    if isinstance(low, RejectedText):
         return low
-    return high if isinstance(high, Problem) else (low, high)
+    return high if isinstance(high, RejectedText) else (low, high)
 
 
 def unit_hint(dimension: Dimension, example: str) -> str:
@@ -255,33 +267,33 @@ def _such_as(example: str) -> str:
     return f"write a text such as `{example}`"
 
 
-def _parts(text: str, example: str) -> tuple[str, str] | Problem:
+def _parts(text: str, example: str) -> tuple[str, str] | RejectedText:
     """Return the number and the unit of a text."""
     found = _QUANTITY.fullmatch(text) if len(text) <= MAX_LENGTH else None
     if found is None:
-        return Problem(
+        return RejectedText(
             "B006", f"found `{text[:MAX_LENGTH]}`; expected a number and a unit", _such_as(example)
         )
     return found[1], found[2]
 
 
-def _in_base_units(number: str, unit_text: str, dimension: Dimension, example: str) -> float | Problem:
+def _in_base_units(number: str, unit_text: str, dimension: Dimension, example: str) -> float | RejectedText:
     if not unit_text:
         unit = Unit("", NUMBER, Fraction(1))
     else:
         try:
             unit = parse_unit(unit_text)
         except UnitError as problem:
-            return Problem("B007", str(problem), unit_hint(dimension, example))
+            return RejectedText("B007", str(problem), unit_hint(dimension, example))
     if unit.dimension != dimension:
         found = f"found a value in `{unit_text}`" if unit_text else f"found `{number}` without a unit"
         message = f"{found}; expected one in {readable_unit(dimension).text}"
-        return Problem("B007", message, unit_hint(dimension, example))
+        return RejectedText("B007", message, unit_hint(dimension, example))
     try:
         value = float(Fraction(number) * unit.factor)
     except OverflowError:
         value = math.inf
     if value and not SMALLEST <= abs(value) <= LARGEST:
         found = "too large" if abs(value) > LARGEST else "too small"
-        return Problem("B008", f"found `{number}`, which is {found}", None)
+        return RejectedText("B008", f"found `{number}`, which is {found}", None)
     return value

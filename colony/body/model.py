@@ -12,12 +12,12 @@ from typing import Literal, NamedTuple
 
 from colony.body.devices import (
     DEVICES,
-    Base,
-    Camera,
-    CeilingCamera,
+    BaseSpec,
+    CameraSpec,
+    CeilingCameraSpec,
     Device,
+    MountPose,
     OmnidirectionalBase,
-    Pose,
     Proximity,
 )
 from colony.body.devices.common import MAX_WHEELS, POSE
@@ -25,20 +25,20 @@ from colony.body.kinds import (
     NAME,
     NOT_NEGATIVE,
     POSITIVE,
-    Bounds,
+    AllowedRange,
+    FixedArray,
+    FreeKeys,
     Interval,
     Many,
     Measure,
-    Named,
+    NamedTables,
     OneOf,
-    Options,
-    Row,
-    Table,
-    Text,
-    Word,
+    TableKind,
+    TextKind,
+    WordKind,
     entry,
 )
-from colony.body.ros2 import Node, Topic
+from colony.body.ros2 import Ros2Node, Ros2Topic
 from colony.ir.servers import RSERVER
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME
 
@@ -46,17 +46,17 @@ _LENGTH = Measure(LENGTH, "400 mm", POSITIVE)
 _PLACE = Measure(LENGTH, "-250 mm")
 _SPEED = LENGTH.over(TIME)
 _TURN = ANGLE.over(TIME)
-_RATE = Measure(TIME.power(-1), "10 Hz", Bounds(low=0.0, high=10_000.0, is_open=True))
+_RATE = Measure(TIME.power(-1), "10 Hz", AllowedRange(low=0.0, high=10_000.0, is_open=True))
 _DURATION = Measure(TIME, "50 ms", NOT_NEGATIVE)
-_SHARE = Measure(NUMBER, "1 percent", Bounds(low=0.0, high=1.0))
+_SHARE = Measure(NUMBER, "1 percent", AllowedRange(low=0.0, high=1.0))
 _SPREAD = Measure(LENGTH, "3 mm", NOT_NEGATIVE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Identity:
+class RobotTable:
     """The table `[robot]`."""
 
-    name: str = entry("name", Text(NAME, "a name"), "the name of the robot, as in its interface")
+    name: str = entry("name", TextKind(NAME, "a name"), "the name of the robot, as in its interface")
     frame_s: float | None = entry(
         "frame",
         Measure(TIME, "50 ms", POSITIVE),
@@ -85,7 +85,7 @@ class Polygon:
 
     corners: tuple[Corner, ...] = entry(
         "corners",
-        Many(Row((_PLACE, _PLACE), Corner), 3, 100),
+        Many(FixedArray((_PLACE, _PLACE), Corner), 3, 100),
         "the corners, counterclockwise: x ahead of the center, y to the left of it",
     )
 
@@ -101,7 +101,7 @@ class Rolling(NamedTuple):
     turn_mm: float
 
 
-def rolling_at(wheel: Pose) -> Rolling:
+def rolling_at(wheel: MountPose) -> Rolling:
     """Return what an omni wheel rolls, which slides freely across the direction in which it rolls."""
     angle = math.radians(wheel.bearing_deg)
     ahead, left = math.cos(angle), math.sin(angle)
@@ -117,7 +117,7 @@ class Wheels:
     )
     scale_error: float = entry(
         "scale_error",
-        Measure(NUMBER, "0.3 percent", Bounds(low=0.0, high=1.0)),
+        Measure(NUMBER, "0.3 percent", AllowedRange(low=0.0, high=1.0)),
         "standard deviation of each wheel's scale, which is constant",
         default=0.0,
     )
@@ -150,7 +150,7 @@ class Omnidirectional(Wheels):
         "distance between the front and the rear wheels of a base on four mecanum wheels, two on each side",
         default=None,
     )
-    wheels: tuple[Pose, ...] = entry(
+    wheels: tuple[MountPose, ...] = entry(
         "wheels",
         Many(POSE, 3, MAX_WHEELS),
         "of each omni wheel: x ahead of the robot's center, y to the left of it, and the direction in "
@@ -222,8 +222,8 @@ class Chassis:
         OneOf("kind", (("differential", Differential), ("omnidirectional", Omnidirectional))),
         "how it moves",
     )
-    limits: Limits = entry("limits", Table(Limits), "what it can do at most, in either direction")
-    delays: Delays = entry("delays", Table(Delays), "how late it is", default=Delays())
+    limits: Limits = entry("limits", TableKind(Limits), "what it can do at most, in either direction")
+    delays: Delays = entry("delays", TableKind(Delays), "how late it is", default=Delays())
 
     @property
     def sideways_mm_s(self) -> float:
@@ -243,7 +243,7 @@ class Chassis:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Field:
+class FieldTable:
     """What the interface does not say of a field of a server."""
 
     rate_hz: float | None = entry(
@@ -257,7 +257,7 @@ class Field:
     )
     invalid: Literal["hold", "missing"] = entry(
         "invalid",
-        Word(("hold", "missing")),
+        WordKind(("hold", "missing")),
         "an element that is invalid keeps its last value and time, or makes the array missing",
         default="missing",
     )
@@ -270,31 +270,33 @@ class Field:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Hardware:
+class HardwareTable:
     """The driver of the real device."""
 
     driver: str = entry(
-        "driver", Text(rf"{NAME}(\.{NAME})*:{NAME}", "`module:Class`"), "the driver's class: `module:Class`"
+        "driver",
+        TextKind(rf"{NAME}(\.{NAME})*:{NAME}", "`module:Class`"),
+        "the driver's class: `module:Class`",
     )
     watchdog: str | None = entry(
         "watchdog",
-        Text(r"none|[0-9]+(\.[0-9]+)? m?s", '"none", or a time such as "2 s"'),
+        TextKind(r"none|[0-9]+(\.[0-9]+)? m?s", '"none", or a time such as "2 s"'),
         "after what time the device stops by itself when its computer falls silent",
         default=None,
     )
     process: str | None = entry(
         "process",
-        Text(NAME, "a name"),
+        TextKind(NAME, "a name"),
         "the process that it shares with all drivers with this name [default: with those of its port]",
         default=None,
     )
     options: Mapping[str, str | float | bool] = entry(
-        "", Options(), "what the driver is given, such as `port`", default={}
+        "", FreeKeys(), "what the driver is given, such as `port`", default={}
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Faults:
+class DeviceFaults:
     """The faults of a simulated device, which begin at random times and last for a while."""
 
     missing: float = entry(
@@ -305,29 +307,37 @@ class Faults:
     )
     lasting_s: float = entry(
         "lasting",
-        Measure(TIME, "2 s", Bounds(low=0.001)),
+        Measure(TIME, "2 s", AllowedRange(low=0.001)),
         "how long a fault lasts on average; it is between half and one and a half of it [default: 1 s]",
         default=1.0,
     )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Server:
+class ServerTable:
     """A table `[server.NAME]`."""
 
     rate_hz: float | None = entry(
         "rate", _RATE, "how often its fields are measured [default: each frame]", default=None
     )
-    fields: Mapping[str, Field] = entry("fields", Named(Table(Field)), "its fields by name", default={})
+    fields: Mapping[str, FieldTable] = entry(
+        "fields", NamedTables(TableKind(FieldTable)), "its fields by name", default={}
+    )
     simulated: Device | None = entry(
         "simulated", OneOf("device", DEVICES), "the device in the simulator", default=None
     )
-    faults: Faults | None = entry("faults", Table(Faults), "the faults of that device", default=None)
-    hardware: Hardware | None = entry(
-        "hardware", Table(Hardware), "the driver of the real device", default=None
+    faults: DeviceFaults | None = entry(
+        "faults", TableKind(DeviceFaults), "the faults of that device", default=None
     )
-    ros2: Mapping[str, Topic] = entry(
-        "ros2", Named(Table(Topic)), "the topics of its fields and commands, in place of a driver", default={}
+    hardware: HardwareTable | None = entry(
+        "hardware", TableKind(HardwareTable), "the driver of the real device", default=None
+    )
+
+    ros2: Mapping[str, Ros2Topic] = entry(
+        "ros2",
+        NamedTables(TableKind(Ros2Topic)),
+        "the topics of its fields and commands, in place of a driver",
+        default={},
     )
 
     @property
@@ -350,10 +360,12 @@ class Server:
 class Body:
     """The body of a robot; the keys of `servers` are the names of its servers."""
 
-    robot: Identity = entry("robot", Table(Identity), "whose body it is")
-    chassis: Chassis = entry("body", Table(Chassis), "its shape and its drive")
-    ros2: Node = entry("ros2", Table(Node), "its node", default=Node())
-    servers: Mapping[str, Server] = entry("server", Named(Table(Server)), "its servers by name", default={})
+    robot: RobotTable = entry("robot", TableKind(RobotTable), "whose body it is")
+    chassis: Chassis = entry("body", TableKind(Chassis), "its shape and its drive")
+    ros2: Ros2Node = entry("ros2", TableKind(Ros2Node), "its node", default=Ros2Node())
+    servers: Mapping[str, ServerTable] = entry(
+        "server", NamedTables(TableKind(ServerTable)), "its servers by name", default={}
+    )
 
     def device(self, server: str) -> Device | None:
         """Return the device of one of the servers; None if its driver and the interface alone describe it.
@@ -362,28 +374,28 @@ class Body:
         it measures and takes follows from the drive.
         """
         found = self.servers[server].simulated
-        if isinstance(found, Base) or (found is None and server == RSERVER.name):
-            return OmnidirectionalBase() if isinstance(self.chassis.drive, Omnidirectional) else Base()
+        if isinstance(found, BaseSpec) or (found is None and server == RSERVER.name):
+            return OmnidirectionalBase() if isinstance(self.chassis.drive, Omnidirectional) else BaseSpec()
         return found
 
-    def camera(self, server: str) -> Camera:
+    def camera(self, server: str) -> CameraSpec:
         """Return the level camera of a server.
 
         Raises:
             ValueError: the robot has none of this name.
         """
         found = self.servers.get(server)
-        if found is None or not isinstance(found.simulated, Camera):
+        if found is None or not isinstance(found.simulated, CameraSpec):
             raise ValueError(f"`{self.robot.name}` has no level camera `{server}`")
         return found.simulated
 
-    def ceiling_camera(self) -> CeilingCamera:
+    def ceiling_camera(self) -> CeilingCameraSpec:
         """Return the camera that looks up.
 
         Raises:
             ValueError: the robot has none, or several.
         """
-        found = [s.simulated for s in self.servers.values() if isinstance(s.simulated, CeilingCamera)]
+        found = [s.simulated for s in self.servers.values() if isinstance(s.simulated, CeilingCameraSpec)]
         if len(found) != 1:
             raise ValueError(f"`{self.robot.name}` has {len(found)} cameras that look up; expected one")
         return found[0]
@@ -404,7 +416,7 @@ class Body:
         return rings[0]
 
 
-ROOT = Table(Body)
+ROOT = TableKind(Body)
 """The kind of a whole body."""
 
 

@@ -17,20 +17,20 @@ from colony.body.kinds import (
     Amount,
     AnyAmount,
     Entry,
+    FixedArray,
     Flag,
+    FreeKeys,
     Interval,
     Kind,
     Many,
     Measure,
-    Named,
+    NamedTables,
     OneOf,
-    Options,
-    Problem,
-    Row,
-    Table,
-    Text,
+    RejectedText,
+    TableKind,
+    TextKind,
     Whole,
-    Word,
+    WordKind,
     entries,
     parse_amount,
     parse_interval,
@@ -41,11 +41,10 @@ from colony.body.model import ROOT, Body
 from colony.files import read_file, reason
 from colony.text.diagnostics import Diagnostic, error, in_order
 from colony.text.source import Source, Span
-from colony.text.suggestions import did_you_mean
-from colony.text.toml_places import MAX_DOTS, Extent, Place, all_places
+from colony.text.toml_places import MAX_DOTS, Extent, KeyPlace, all_places
 from colony.text.toml_places import Path as Keys
 from colony.text.units import NUMBER, readable_unit
-from colony.text.wording import counted, printable, quoted, shortened
+from colony.text.wording import counted, did_you_mean, printable, quoted, shortened
 
 MAX_BYTES = 256 * 1024
 """Byte limit of a body."""
@@ -152,7 +151,7 @@ def _continues_braces(text: str, message: str) -> bool:
 
 
 @lru_cache(maxsize=4)
-def _places_in(text: str) -> Mapping[Keys, Place]:
+def _places_in(text: str) -> Mapping[Keys, KeyPlace]:
     """Return all places of a text; many findings ask for those of one."""
     return all_places(text)
 
@@ -205,24 +204,24 @@ class _Reader:
                 return self._interval(kind, value, keys)
             case Whole():
                 return self._whole(kind, value, keys)
-            case Word():
+            case WordKind():
                 return self._word(kind, value, keys)
             case Flag():
                 return value if isinstance(value, bool) else self._wrong(keys, value, "true or false")
-            case Text():
+            case TextKind():
                 is_valid = isinstance(value, str) and len(value) <= 200 and re.fullmatch(kind.pattern, value)
                 return value if is_valid else self._wrong(keys, value, kind.form)
             case Many():
                 return self._many(kind, value, keys)
-            case Row():
+            case FixedArray():
                 return self._row(kind, value, keys)
-            case Table():
+            case TableKind():
                 return self.table(kind.type, value, keys)
             case OneOf():
                 return self._one_of(kind, value, keys)
-            case Named():
+            case NamedTables():
                 return self._named(kind, value, keys)
-            case Options():
+            case FreeKeys():
                 raise AssertionError("options are read with their table")
             case _:
                 assert_never(kind)
@@ -238,7 +237,7 @@ class _Reader:
 
     def _checked(self, keys: Keys, found: Any) -> Any:
         """Return what was parsed; report a problem of it."""
-        if not isinstance(found, Problem):
+        if not isinstance(found, RejectedText):
             return found
         message = f"`{'.'.join(keys)}`: {found.message}"
         return self._report(found.code, self._places.value(keys), message, found.hint)
@@ -286,7 +285,7 @@ class _Reader:
             return self._wrong(keys, value, "`LOW .. HIGH`", f"such as `{kind.example}`")
         return self._checked(keys, parse_interval(value, kind.dimension, kind.example))
 
-    def _word(self, kind: Word, value: object, keys: Keys) -> Any:
+    def _word(self, kind: WordKind, value: object, keys: Keys) -> Any:
         if isinstance(value, str) and value in kind.words:
             return value
         hint = did_you_mean(value, kind.words) if isinstance(value, str) else None
@@ -310,7 +309,7 @@ class _Reader:
             return self._report("B008", self._places.value(keys), message)
         return self._all(tuple(self.read(kind.item, item, keys) for item in value))
 
-    def _row(self, kind: Row, value: object, keys: Keys) -> Any:
+    def _row(self, kind: FixedArray, value: object, keys: Keys) -> Any:
         if not isinstance(value, list) or len(value) != len(kind.items):
             return self._wrong(keys, value, f"an array of {counted(len(kind.items), 'item')}")
         pairs = zip(kind.items, value, strict=True)
@@ -328,7 +327,7 @@ class _Reader:
             return self._wrong(keys, value, "a table")
         found: dict[str, Any] = {}
         known = {e.key: e for e in entries(type_)}
-        options = next((e for e in known.values() if isinstance(e.kind, Options)), None)
+        options = next((e for e in known.values() if isinstance(e.kind, FreeKeys)), None)
         unknown = [] if options is not None else [key for key in value if key not in known and key != tag]
         for e in known.values():
             if e is options:
@@ -350,7 +349,7 @@ class _Reader:
         hint = missing.meaning
         if isinstance(missing.kind, Measure):
             hint += f', such as `{missing.key} = "{missing.kind.example}"`'
-        elif isinstance(missing.kind, Table | OneOf | Named):
+        elif isinstance(missing.kind, TableKind | OneOf | NamedTables):
             hint += f": write `[{'.'.join((*keys, missing.key))}]`"
         self._report("B004", self._places.key(keys), f"{where} has no `{missing.key}`", hint)
 
@@ -390,7 +389,7 @@ class _Reader:
             "B005", self._places.value((*keys, kind.tag)), message, hint or f"expected {names}"
         )
 
-    def _named(self, kind: Named, value: object, keys: Keys) -> Any:
+    def _named(self, kind: NamedTables, value: object, keys: Keys) -> Any:
         if not isinstance(value, Mapping):
             return self._wrong(keys, value, "a table of tables")
         found = {}

@@ -7,25 +7,25 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Literal
 
-from colony.body.devices import Pose
+from colony.body.devices import MountPose
 from colony.body.devices.common import CENTER, POSE, POSE_MEANING
 from colony.body.kinds import (
     NAME,
-    Bounds,
+    AllowedRange,
     Flag,
     Measure,
-    Named,
-    Text,
+    NamedTables,
+    TextKind,
     Whole,
-    Word,
+    WordKind,
     entry,
 )
 from colony.text.units import NUMBER, TIME, Unit, UnitError, parse_unit
 
 _TOPIC = r"[~/]?[A-Za-z_]\w*(?:/\w+)*"
 _STEP = r"\w+(?:\[\d+\])?"
-_PATH = Text(rf"{_STEP}(?:\.{_STEP})*", "a path such as `status.level` or `axes[1]`")
-_FILE = Text(r"[^\0\n]+", "a path")
+_PATH = TextKind(rf"{_STEP}(?:\.{_STEP})*", "a path such as `status.level` or `axes[1]`")
+_FILE = TextKind(r"[^\0\n]+", "a path")
 
 TWIST, TWIST_STAMPED, AUTO = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped", "auto"
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
@@ -40,13 +40,13 @@ BASE_TYPES = {DRIVE: (AUTO, TWIST, TWIST_STAMPED), ODOMETRY: ("nav_msgs/msg/Odom
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Node:
+class Ros2Node:
     """The node by which a robot takes part in ROS 2."""
 
     name: str = entry(
-        "name", Text(NAME, "a name"), "the name of the node [default: colony]", default="colony"
+        "name", TextKind(NAME, "a name"), "the name of the node [default: colony]", default="colony"
     )
-    namespace: str = entry("namespace", Text(r"(?:/?\w+)*", "a namespace"), "its namespace", default="")
+    namespace: str = entry("namespace", TextKind(r"(?:/?\w+)*", "a namespace"), "its namespace", default="")
     domain: int | None = entry(
         "domain", Whole(0, MAX_DOMAIN), "the domain [default: that of ROS_DOMAIN_ID]", default=None
     )
@@ -63,13 +63,15 @@ class Node:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Topic:
+class Ros2Topic:
     """The topic of a field or of a command of a server."""
 
-    topic: str = entry("topic", Text(_TOPIC, "the name of a topic"), "the topic, within the node's namespace")
+    topic: str = entry(
+        "topic", TextKind(_TOPIC, "the name of a topic"), "the topic, within the node's namespace"
+    )
     type: str = entry(
         "type",
-        Text(r"auto|\w+/msg/\w+", "`PACKAGE/msg/NAME`"),
+        TextKind(r"auto|\w+/msg/\w+", "`PACKAGE/msg/NAME`"),
         "the type of its messages; `auto` is Twist or TwistStamped, as the subscribers expect",
     )
     path: str | None = entry(
@@ -80,17 +82,17 @@ class Topic:
     )
     unit: str | None = entry(
         "unit",
-        Text(r"\S+", "a unit such as `m/s`"),
+        TextKind(r"\S+", "a unit such as `m/s`"),
         "the unit of its numbers [default: that of the type, or else that of the interface]",
         default=None,
     )
     frame: str = entry(
         "frame",
-        Text(r"[\w/\-.]+", "a frame"),
+        TextKind(r"[\w/\-.]+", "a frame"),
         "the frame of its messages; others are refused. Of a command, the frame that it is stamped with",
         default="",
     )
-    pose: Pose = entry("pose", POSE, POSE_MEANING, default=CENTER)
+    pose: MountPose = entry("pose", POSE, POSE_MEANING, default=CENTER)
     upside_down: bool = entry(
         "upside_down",
         Flag(),
@@ -99,19 +101,19 @@ class Topic:
     )
     zero: Literal["invalid", "no_echo"] = entry(
         "zero",
-        Word(("invalid", "no_echo")),
+        WordKind(("invalid", "no_echo")),
         "what a range of 0 means if the device does not measure down to it [default: invalid]",
         default="invalid",
     )
     qos: Literal["best_effort", "reliable", "latched"] | None = entry(
         "qos",
-        Word(("best_effort", "reliable", "latched")),
+        WordKind(("best_effort", "reliable", "latched")),
         "its quality of service [default: best_effort for fields, reliable for commands]",
         default=None,
     )
     timeout_s: float | None = entry(
         "timeout",
-        Measure(TIME, "250 ms", Bounds(low=0.05, high=10.0)),
+        Measure(TIME, "250 ms", AllowedRange(low=0.05, high=10.0)),
         "time without a decision after which the bridge stops it [default: 250 ms, or three frames]",
         default=None,
     )
@@ -120,13 +122,13 @@ class Topic:
     )
     stop: Literal["zero", "keep"] | None = entry(
         "stop",
-        Word(("zero", "keep")),
+        WordKind(("zero", "keep")),
         "its stop: a message of zeros, or none [default: zero for twists, else keep]",
         default=None,
     )
     parameters: Mapping[str, str] = entry(
         "parameters",
-        Named(_PATH),
+        NamedTables(_PATH),
         "the part of the message that each parameter sets [default: `data`, or the part of its name]",
         default={},
     )
@@ -179,22 +181,22 @@ DRIVE_PATHS = {"velocity": "linear.x", "sideways": "linear.y", "turn": "angular.
 """The parts of a twist that parameters of these names set."""
 
 
-def path_of(topic: Topic) -> str:
+def path_of(topic: Ros2Topic) -> str:
     """Return the part of a message that a field has."""
     return topic.path or DEFAULT_PATHS.get(topic.type, "data")
 
 
-def is_scan(topic: Topic) -> bool:
+def is_scan(topic: Ros2Topic) -> bool:
     """Return True for a field that has the ranges of a laser scanner."""
     return topic.type == LASER_SCAN and path_of(topic) == DEFAULT_PATHS[LASER_SCAN]
 
 
-def parameter_path(topic: Topic, parameter: str) -> str:
+def parameter_path(topic: Ros2Topic, parameter: str) -> str:
     """Return the part of a message that a parameter sets."""
     return topic.parameters.get(parameter) or DRIVE_PATHS.get(parameter, parameter)
 
 
-def unit_of(topic: Topic, path: str) -> Unit | None:
+def unit_of(topic: Ros2Topic, path: str) -> Unit | None:
     """Return the unit of a part of a message: the one that the body gives, or that of the type, if any.
 
     Raises:
@@ -212,7 +214,7 @@ def _unit(text: str) -> Unit:
     return Unit(text, NUMBER, Fraction(1)) if text == "number" else parse_unit(text)
 
 
-def unit_problem(topic: Topic) -> str | None:
+def unit_problem(topic: Ros2Topic) -> str | None:
     """Return what is wrong with the unit that the body gives, or None."""
     try:
         unit_of(topic, "")

@@ -15,19 +15,19 @@ from colony.body.kinds import (
     NAME,
     NUMBER_PATTERN,
     AnyAmount,
+    FixedArray,
     Flag,
+    FreeKeys,
     Interval,
     Kind,
     Many,
     Measure,
-    Named,
+    NamedTables,
     OneOf,
-    Options,
-    Row,
-    Table,
-    Text,
+    TableKind,
+    TextKind,
     Whole,
-    Word,
+    WordKind,
     entries,
 )
 from colony.body.model import ROOT
@@ -55,20 +55,20 @@ def _schema(kind: Kind) -> Schema:
             return _text(rf"{end}(?:{_UNIT})?\s*\.\.{end}{_UNIT}\s*") | {"examples": [kind.example]}
         case Whole():
             return {"type": "integer", "minimum": kind.low, "maximum": kind.high}
-        case Word():
+        case WordKind():
             return {"enum": list(kind.words)}
         case Flag():
             return {"type": "boolean"}
-        case Text():
+        case TextKind():
             return _text(kind.pattern) | {"maxLength": 200}
         case Many():
             items = _schema(kind.item)
             return {"type": "array", "items": items, "minItems": kind.least, "maxItems": kind.most}
-        case Row():
+        case FixedArray():
             count = len(kind.items)
             places = [_schema(item) for item in kind.items]
             return {"type": "array", "items": places, "minItems": count, "maxItems": count}
-        case Table():
+        case TableKind():
             return _table(kind.type, None)
         case OneOf():
             return {
@@ -80,10 +80,10 @@ def _schema(kind: Kind) -> Schema:
                     for name, type_ in kind.types
                 ],
             }
-        case Named():
+        case NamedTables():
             item = _schema(kind.item)
             return {"type": "object", "propertyNames": {"pattern": f"^{NAME}$"}, "additionalProperties": item}
-        case Options():
+        case FreeKeys():
             return {"type": ["string", "number", "boolean"]}
         case _:
             assert_never(kind)
@@ -115,7 +115,7 @@ def _table(type_: type, tag: tuple[str, str] | None) -> Schema:
     required: list[str] = []
     schema["additionalProperties"] = False
     for e in entries(type_):
-        if isinstance(e.kind, Options):
+        if isinstance(e.kind, FreeKeys):
             schema["additionalProperties"] = _schema(e.kind)
             continue
         own = _schema(e.kind)

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 from colony.body.devices import Device, Directed
-from colony.body.model import Body, Server
-from colony.body.ros2 import AUTO, Topic, is_scan, parameter_path, path_of, unit_of
+from colony.body.model import Body, ServerTable
+from colony.body.ros2 import AUTO, Ros2Topic, is_scan, parameter_path, path_of, unit_of
 from colony.ir.bearings import between
 from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
 from colony.ir.servers import COMMON_SERVERS, CommandSpec, FieldSpec, ParameterSpec, ServerSpec
@@ -55,7 +55,7 @@ def in_declared_units(spec: ServerSpec, robot: Robot) -> ServerSpec:
     )
 
 
-def in_ros_units(spec: ServerSpec, server: Server, robot: Robot) -> ServerSpec:
+def in_ros_units(spec: ServerSpec, server: ServerTable, robot: Robot) -> ServerSpec:
     """Return a server whose driver gives and takes numbers in the units of ROS, and others as declared."""
     declared = in_declared_units(spec, robot)
     fields = tuple(
@@ -69,12 +69,12 @@ def in_ros_units(spec: ServerSpec, server: Server, robot: Robot) -> ServerSpec:
     return replace(declared, fields=fields, commands=commands)
 
 
-def _unit(topic: Topic | None, field: FieldSpec) -> Unit | None:
+def _unit(topic: Ros2Topic | None, field: FieldSpec) -> Unit | None:
     is_number = isinstance(element_type(field.type), Quantity)
     return None if topic is None or not is_number else unit_of(topic, path_of(topic))
 
 
-def _in_ros_unit(parameter: ParameterSpec, topic: Topic | None) -> ParameterSpec:
+def _in_ros_unit(parameter: ParameterSpec, topic: Ros2Topic | None) -> ParameterSpec:
     if topic is None or not isinstance(parameter.type, Quantity):
         return parameter
     unit = unit_of(topic, parameter_path(topic, parameter.name))
@@ -95,7 +95,7 @@ def _server(name: str, body: Body, robot: Robot | None) -> ServerSpec:
     )
 
 
-def _fields(server: Server, device: Device | None, sensors: Mapping[str, Sensor]) -> Iterator[FieldSpec]:
+def _fields(server: ServerTable, device: Device | None, sensors: Mapping[str, Sensor]) -> Iterator[FieldSpec]:
     """Yield the fields of the device, then those that the interface reads and only the table has."""
     measured = () if device is None else device.fields
     for spec in measured:
@@ -109,7 +109,7 @@ def _fields(server: Server, device: Device | None, sensors: Mapping[str, Sensor]
         yield _described(spec, server, sensor)
 
 
-def _topic_field(topic: Topic, sensor: Sensor) -> FieldSpec:
+def _topic_field(topic: Ros2Topic, sensor: Sensor) -> FieldSpec:
     """Return a field that a topic has, with the dimension of its message."""
     path = path_of(topic)
     element = _of_dimension(element_type(sensor.type), unit_of(topic, path))
@@ -125,7 +125,7 @@ def _of_dimension(declared: Scalar, unit: Unit | None) -> Scalar:
     return Quantity(unit.dimension)
 
 
-def _described(spec: FieldSpec, server: Server, sensor: Sensor | None) -> FieldSpec:
+def _described(spec: FieldSpec, server: ServerTable, sensor: Sensor | None) -> FieldSpec:
     """Return a field with what the interface and the body say of it."""
     if sensor is not None:
         spec = replace(spec, declared=sensor.unit)
@@ -142,7 +142,9 @@ def _described(spec: FieldSpec, server: Server, sensor: Sensor | None) -> FieldS
     return replace(spec, no_echo=no_echo, hold=own.invalid == "hold", blocked=tuple(sorted(blocked)))
 
 
-def _commands(server: Server, device: Device | None, actuators: Iterable[Actuator]) -> Iterator[CommandSpec]:
+def _commands(
+    server: ServerTable, device: Device | None, actuators: Iterable[Actuator]
+) -> Iterator[CommandSpec]:
     """Yield the commands of the device; without one, those that the interface gives."""
     if device is not None:
         yield from device.commands
@@ -154,7 +156,7 @@ def _commands(server: Server, device: Device | None, actuators: Iterable[Actuato
         yield CommandSpec(actuator.command, tuple(_parameter(field, topic) for field in actuator.fields))
 
 
-def _parameter(field: ActuatorField, topic: Topic | None) -> ParameterSpec:
+def _parameter(field: ActuatorField, topic: Ros2Topic | None) -> ParameterSpec:
     """Return a parameter as declared; of a topic, with the dimension of its message."""
     if topic is None:
         return ParameterSpec(field.name, field.type, _DECLARED, low=field.low, high=field.high)

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, cast
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.outputs import BEHAVIOR
 from colony.cli.params_choice import chosen_params, params_option
 from colony.cli.reporting import Format, format_option, formatted, is_unreadable, one_line, report, say
 from colony.cli.robot_choice import repeated_description_option
-from colony.cli.shipped_files import BEHAVIOR
 from colony.collector import gc_paused
 
 if TYPE_CHECKING:
@@ -50,8 +50,8 @@ def command(files: tuple[str, ...], robots: dict[str, RobotChoice], format_: str
       colony check --format sarif behaviors/*.colony > check.sarif
     """
     with gc_paused():
+        from colony.cli.body_check import BodyCheck
         from colony.dsl.load import check_file
-        from colony.robots.body_check import BodyCheck
         from colony.text.diagnostics import has_errors, in_order
 
         diagnostics: list[Diagnostic] = []

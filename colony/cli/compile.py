@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, assert_never
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.outputs import check_output, output_option, write_whole
+from colony.cli.outputs import BEHAVIOR, check_output, output_option, write_whole
 from colony.cli.params_choice import chosen_params, params_option
 from colony.cli.reporting import report, say
 from colony.cli.robot_choice import description_option
-from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.prover_options import COUNTED, ProverSeconds
 from colony.extras import expect_extras, install_command, installed
 from colony.files import read_file, reason
@@ -175,7 +174,7 @@ def _proof(compilation: Compilation, format_: str, text: str, seconds: float) ->
 def _proof_of(existing: Path, program: Program, compilation: Compilation, seconds: float) -> Result:
     """Prove existing clients."""
     from colony.verify.equivalence import prove
-    from colony.verify.equivalence.results import Malformed, Proved
+    from colony.verify.equivalence.results import EquivalenceProved, WrongForm
 
     try:
         text = read_file(existing, CLIENTS_BYTES).decode("utf-8")
@@ -183,13 +182,13 @@ def _proof_of(existing: Path, program: Program, compilation: Compilation, second
         say(f"{existing}: error: cannot read: {reason(problem)}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     except UnicodeDecodeError as problem:
-        return Malformed(
+        return WrongForm(
             form=str(existing), subject="text", found=str(problem), expected="clients as UTF-8 text"
         )
     if existing.suffix != ".py":
         return prove.prove_json(program, text, form=str(existing), seconds=seconds)
     clients = prove.prove(program, compilation, seconds=seconds)
-    if not isinstance(clients, Proved):
+    if not isinstance(clients, EquivalenceProved):
         return clients
     return prove.prove_python(program, compilation.clients, text, form=str(existing), seconds=seconds)
 
@@ -203,18 +202,18 @@ def _report_proof(result: Result, program: Program, clients_file: Path | None) -
     span = NOWHERE if clients_file is None else Span(Source(str(clients_file), ""), 0, 0)
     spans = {wire.actuator: wire.span for wire in program.wires if wire.actuator is not None}
     match result:
-        case results.Proved():
+        case results.EquivalenceProved():
             say(results.proved_text(result))
             return
-        case results.Undecided(subjects=((_, subject), *_)) if installed("z3"):
+        case results.EquivalenceUndecided(subjects=((_, subject), *_)) if installed("z3"):
             hint = "give z3 more time with --proof-timeout SECONDS"
             if clients_file is None:
                 hint += ", or skip the proof with --no-proof"
             diagnostic = error("V002", spans.get(subject, span), results.undecided_text(result), hint)
-        case results.Undecided():
+        case results.EquivalenceUndecided():
             say(f"{results.undecided_text(result)}; run: {install_command('verify')}")
             return
-        case results.WrongWinner() | results.WrongActivity() | results.Malformed():
+        case results.WrongWinner() | results.WrongActivity() | results.WrongForm():
             subject = result.actuator if isinstance(result, results.WrongWinner) else ""
             hint = "these clients are not those of the behavior: compile it again"
             if clients_file is None:

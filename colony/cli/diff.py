@@ -7,10 +7,10 @@ import json
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE, EXIT_UNDECIDED
+from colony.cli.outputs import BEHAVIOR
 from colony.cli.params_choice import params_option
 from colony.cli.reporting import load_program, report
 from colony.cli.robot_choice import description_option
-from colony.cli.shipped_files import BEHAVIOR
 from colony.cli.verify.prover_options import depth_option, timeout_option
 from colony.extras import expect_extras
 from colony.ir.version import SEMANTICS
@@ -67,11 +67,11 @@ def command(
     program_a, program_b = load_program(a, EXIT_MISUSE), load_program(b, EXIT_MISUSE)
     expect_extras("verify")
     from colony.text.diagnostics import DiagnosticError
-    from colony.verify.contracts.results import Options
-    from colony.verify.difference import Different, Undecided, difference
+    from colony.verify.contracts.results import ProofOptions
+    from colony.verify.difference import DifferenceUndecided, Different, difference
     from colony.verify.difference.report import lines, row
 
-    options = Options.within(timeout, depth=depth)
+    options = ProofOptions.within(timeout, depth=depth)
     try:
         with reliable_interrupts():
             result = difference(program_a, program_b, ignore, pairs, options)
@@ -84,7 +84,7 @@ def command(
     else:
         click.echo("\n".join((f"A is {a}, B is {b}", *lines(program_a, program_b, result))))
     code = EXIT_ERRORS if isinstance(result, Different) else EXIT_UNDECIDED
-    if isinstance(result, Different | Undecided):
+    if isinstance(result, Different | DifferenceUndecided):
         raise click.exceptions.Exit(code)
 
 

@@ -10,20 +10,18 @@ from typing import TYPE_CHECKING, NoReturn
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
+from colony.cli.outputs import BEHAVIOR
 from colony.cli.params_choice import params_option
 from colony.cli.progress import ReadingProgress
 from colony.cli.recorded import program_for
 from colony.cli.reporting import refuse, report, say
 from colony.cli.robot_choice import description_option
-from colony.cli.shipped_files import BEHAVIOR
-from colony.text.suggestions import did_you_mean
-from colony.text.wording import TIME_RESOLUTION_NS, counted, seconds_of, time_text
+from colony.text.wording import TIME_RESOLUTION_NS, counted, did_you_mean, seconds_of, time_text
 
 if TYPE_CHECKING:
-    from colony.analysis.finding import Found
-    from colony.analysis.index import Index
+    from colony.analysis.finding import Found, RecordingIndex
     from colony.analysis.recording import OpenRecording
-    from colony.analysis.tracks import Condition, Span
+    from colony.analysis.tracks import Condition, FrameSpan
     from colony.ir.program import Program
     from colony.verify.explain.answer import Explanation, Why, WhyNot
 
@@ -147,11 +145,11 @@ def command(
 class _Chosen:
     """The moments in which a condition begins to hold, and the one that is explained. Immutable."""
 
-    def __init__(self, text: str, condition: Condition, spans: Sequence[Span], nth: int) -> None:
+    def __init__(self, text: str, condition: Condition, spans: Sequence[FrameSpan], nth: int) -> None:
         self.text, self.condition, self.spans, self.nth = text, condition, spans, nth
 
     @property
-    def span(self) -> Span:
+    def span(self) -> FrameSpan:
         """The moment that is explained."""
         return self.spans[self.nth - 1]
 
@@ -164,20 +162,19 @@ class _Asked:
     """
 
     def __init__(self, opened: OpenRecording, file: str | None) -> None:
-        from colony.analysis.index import cached_index, index_path
+        from colony.analysis.finding import cached_index, index_path
 
         self._opened, self.recording, self.file, self.run = opened, opened.name, file, opened.run
         self.program: Program = program_for(opened, file)
         self.shadow = False  # until a frame was read
         self._path = index_path(opened.stream, self.program, os.environ)
-        self.index: Index = cached_index(self._path) or self._built()
+        self.index: RecordingIndex = cached_index(self._path) or self._built()
         if not self.index.frames:
             damage = f": damaged {self.index.damaged[0]}" if self.index.damaged else ""
             _misuse(f"{self.recording}: error: the recording contains no frame{damage}")
 
-    def _built(self) -> Index:
-        from colony.analysis.finding import build_index
-        from colony.analysis.index import keep_index
+    def _built(self) -> RecordingIndex:
+        from colony.analysis.finding import build_index, keep_index
 
         progress = ReadingProgress(self._opened.stream, "reading, once: ")
         index = build_index(self.program, self._opened.again(), progress)

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import click
 
-from colony.cli.outputs import check_output, write_whole
+from colony.cli.outputs import BEHAVIOR, check_output, write_whole
 from colony.cli.params_choice import params_option
 from colony.cli.reporting import load_program
 from colony.cli.robot_choice import description_option
-from colony.cli.shipped_files import BEHAVIOR
 
 FORMATS = ("svg", "dot", "graphml")
 

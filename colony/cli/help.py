@@ -7,8 +7,8 @@ import re
 import click
 
 from colony.shipped import errors_page
-from colony.text.suggestions import did_you_mean
 from colony.text.units import BASE_UNITS
+from colony.text.wording import did_you_mean
 
 _SECTION = re.compile(r"^### (([A-Z]\d{3}): .*\n(?:(?!^##).*\n?)*)", re.MULTILINE)
 """A section of docs/errors.md: the code in its heading, and the text up to the next heading."""

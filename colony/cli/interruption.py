@@ -1,4 +1,4 @@
-"""Ctrl-C in a run: the first ends the run gracefully, the second immediately."""
+"""Ctrl-C in a run: the first ends the run gracefully, the second immediately. Threads for a part of a run."""
 
 from __future__ import annotations
 
@@ -44,3 +44,28 @@ def interruptible(message: str = "stopping after this frame") -> Iterator[Callab
         reminder.cancel()
         for number, handler in previous_handlers.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def in_thread(
+    name: str, run: Callable[[], object], stop: Callable[[], object]
+) -> Iterator[list[BaseException]]:
+    """Call `run` in a thread inside the `with`; at its end call `stop`, and wait until `run` has returned.
+
+    The list gets the exception that ended it.
+    """
+    failed: list[BaseException] = []
+
+    def call() -> None:
+        try:
+            run()
+        except BaseException as failure:
+            failed.append(failure)
+
+    thread = threading.Thread(target=call, name=name)
+    thread.start()
+    try:
+        yield failed
+    finally:
+        stop()
+        thread.join()

@@ -18,7 +18,7 @@ import click
 from colony import __version__
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
 from colony.extras import naming_missing_extras
-from colony.text.suggestions import did_you_mean
+from colony.text.wording import did_you_mean
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -32,8 +32,10 @@ COMMANDS = {
     "verify": "prove contracts, and find modules that can never act",
     "diff": "prove two behaviors equivalent, or show where they differ",
     "trace": "replay recorded frames through any executor",
-    "run": "drive a robot, simulated or real",
+    "run": "run a behavior on a simulated robot",
     "serve": "run the servers of a robot",
+    "drive": "run a behavior on a robot that is served",
+    "shadow": "show what a behavior would do on a robot that is served",
     "watch": "watch a recording or a running robot in the browser",
     "ps": "show the running robots and their state",
     "stop": "stop robots immediately, in an emergency",
@@ -173,7 +175,7 @@ def _report_failure(problem: Exception) -> int:
     """
     from colony.cli.reporting import report
     from colony.extras import MissingExtraError
-    from colony.os_errors import describe, is_out_of_memory
+    from colony.files import describe, is_out_of_memory
     from colony.text.diagnostics import DiagnosticError
 
     if is_out_of_memory(problem):

@@ -6,13 +6,42 @@ import os
 import shutil
 from collections.abc import Iterable
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import click
 
 from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.reporting import say
 from colony.files import reason
+from colony.shipped import Shipped
+
+# --- shipped files -------------------------------------------------------------------------------------
+#
+# Behaviors and maps on the command line: a path, or the name of a file shipped with colony.
+
+
+class ShippedFile(click.ParamType):  # type: ignore[type-arg]
+    """A parameter type for a file's path; `description` describes it in help texts."""
+
+    def __init__(self, kind: Shipped, noun: str) -> None:
+        self.name = kind.name.lower()
+        self.description = f"{noun}, or the name of one that comes with colony"
+        self._kind = kind
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Return an existing path as it is, or the path of the shipped file with this name."""
+        return self._kind.find(os.fspath(value))
+
+
+BEHAVIOR = ShippedFile(Shipped.BEHAVIOR, "a behavior")
+MAP = ShippedFile(Shipped.MAP, "a StickRep map or an occupancy grid (*.yaml)")
+
+map_option = click.option("--map", "map_path", metavar="MAP", type=MAP, help=f"The world: {MAP.description}.")
+"""`--map MAP`, as `map_path`."""
+
+
+# --- outputs -------------------------------------------------------------------------------------------
+
 
 DESCRIPTORS = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
 """Folders of devices and of this process's open files. Pipes elsewhere may never get a reader."""

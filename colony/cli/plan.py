@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from colony.cli.exit_codes import EXIT_MISUSE
-from colony.cli.outputs import check_output, write_whole
+from colony.cli.outputs import MAP, check_output, write_whole
 from colony.cli.reporting import report, say
-from colony.cli.shipped_files import MAP
 from colony.extras import expect_extras
 
 if TYPE_CHECKING:

@@ -7,16 +7,16 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from colony.cli.body_check import BodyCheck
 from colony.cli.reporting import exit_with, load_program, refuse, say
 from colony.compile.pipeline import Compilation
 from colony.execute.compiled import Compiled
-from colony.robots.body_check import BodyCheck
-from colony.robots.compiled_program import compiled_with_sources, read_compiled
+from colony.runs.compiled import compiled_with_sources, read_compiled
 from colony.text.diagnostics import DiagnosticError
 
 if TYPE_CHECKING:
     from colony.ir.program import Robot
-    from colony.robots.described import DescribedRobot
+    from colony.runs.described import DescribedRobot
 
 
 def load_compiled(path: str) -> Compiled:
@@ -55,7 +55,7 @@ def described_for_run(robot: Robot, body: Path | None = None) -> DescribedRobot:
 
     Exits with 1 if the program does not fit its body.
     """
-    from colony.robots.described import described_robot
+    from colony.runs.described import described_robot
 
     try:
         return described_robot(robot, body)

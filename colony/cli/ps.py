@@ -18,7 +18,7 @@ from colony.cli.robot_options import (
     robot_option,
     security_option,
 )
-from colony.robots.discovery import running_robots, session_with
+from colony.runtime.kit.discovery import running_robots, session_with
 from colony.text.wording import printable
 
 if TYPE_CHECKING:

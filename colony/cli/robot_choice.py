@@ -86,7 +86,7 @@ def say_whose_name(description: str) -> None:
     """Say if a robot that is simulated by `description` is called like no description: it may be a slip."""
     from colony.cli.reporting import say
     from colony.dsl.descriptions import find_in_project, known_descriptions
-    from colony.text.suggestions import did_you_mean
+    from colony.text.wording import did_you_mean
 
     choice = chosen_robot()
     if choice is not None and choice.is_name and find_in_project(choice.text, Path()) is None:
@@ -142,7 +142,7 @@ def _store_choice_and_return_name(
 
 def check_robot_name(context: click.Context, option: click.Parameter, name: str | None) -> str | None:
     """Return the name of a robot as it is; report one that is invalid."""
-    from colony.runtime.transport.live.names import check_name
+    from colony.runtime.transport.live.run_directory import check_name
 
     try:
         return None if name is None else check_name("robot", name)

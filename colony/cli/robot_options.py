@@ -46,13 +46,15 @@ def robot_address_of(robot: str, connect: str | None, security: Path | None) -> 
 
     Raises:
         LiveError: the name, the endpoint or the credentials are invalid.
-        click.UsageError: an endpoint without credentials.
+        click.UsageError: an endpoint without credentials, or credentials without an endpoint.
     """
     from colony.runtime.transport.live.robot_address import Remote, local
 
     if connect in (None, HERE):
+        if security is not None:
+            raise click.UsageError("--security requires --connect tls/HOST:PORT, the gateway of the robot")
         return local(robot, os.environ)
-    from colony.runtime.transport.live.endpoint import parse_endpoint
+    from colony.runtime.transport.live.configuration import parse_endpoint
     from colony.runtime.transport.live.security import read_credentials
 
     assert connect is not None
@@ -78,7 +80,7 @@ def expect_robot_with_endpoint(robot: str | None, connect: str | None) -> None:
 def reporting_connection_errors() -> Iterator[None]:
     """If a robot cannot be reached, report that in one line and exit with 2."""
     from colony.runtime.kit.errors import RobotConnectionError
-    from colony.runtime.transport.live.errors import LiveError
+    from colony.runtime.transport.live.run_directory import LiveError
 
     try:
         yield

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, NoReturn
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.progress import proof_progress
 from colony.cli.reporting import report, say
 from colony.cli.robot_choice import chosen_robot
-from colony.cli.verify.progress import progress
 from colony.cli.verify.prover_options import DEFAULT_DEPTH, DEFAULT_SECONDS
 from colony.extras import install_command, installed
 from colony.text.wording import counted, quoted
@@ -51,12 +51,11 @@ def with_proof(compilation: Compilation, file: str, params: SiteParams, *, inste
 
 
 def _kept_proofs(program: Program, file: str, params: SiteParams) -> KeptProofs:
-    from colony.verify.contracts.kept import kept_proofs
-    from colony.verify.contracts.proof_cache import cache_folder
-    from colony.verify.contracts.results import Options
+    from colony.verify.contracts.kept import cache_folder, kept_proofs
+    from colony.verify.contracts.results import ProofOptions
 
     has_said = False
-    with progress() as (on_progress, _), reliable_interrupts():
+    with proof_progress() as (on_progress, _), reliable_interrupts():
 
         def show(completed: int, total: int, current: str) -> None:
             nonlocal has_said
@@ -69,7 +68,7 @@ def _kept_proofs(program: Program, file: str, params: SiteParams) -> KeptProofs:
             _program_with(file, None),
             program,
             folder=cache_folder(os.environ),
-            options=Options.within(DEFAULT_SECONDS, depth=DEFAULT_DEPTH),
+            options=ProofOptions.within(DEFAULT_SECONDS, depth=DEFAULT_DEPTH),
             on_progress=show,
         )
 

@@ -17,7 +17,7 @@ from colony.cli.robot_options import (
     robot_option,
     security_option,
 )
-from colony.robots.discovery import running_robots, session_with
+from colony.runtime.kit.discovery import running_robots, session_with
 
 if TYPE_CHECKING:
     from colony.runtime.kit.connection import Session
@@ -84,7 +84,7 @@ def _robots(robot: str | None, connect: str | None) -> list[str]:
 def _command(name: str, release: bool, connect: str | None, security: Path | None) -> int:
     """Stop or release one robot; return the exit code for it."""
     from colony.runtime.kit.errors import RobotConnectionError
-    from colony.runtime.transport.live.errors import LiveError
+    from colony.runtime.transport.live.run_directory import LiveError
 
     try:
         session = session_with(robot_address_of(name, connect, security))

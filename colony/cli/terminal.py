@@ -8,7 +8,7 @@ import termios
 from contextlib import suppress
 from typing import TextIO
 
-from colony.nav.missions.elevator_prompt import PollResult
+from colony.nav.missions.elevator_calls import PollResult
 
 
 class Terminal:

@@ -12,10 +12,10 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.frame_picture import check_picture, draw_test
+from colony.cli.outputs import BEHAVIOR
 from colony.cli.params_choice import params_option
 from colony.cli.reporting import check_to_run, is_unreadable, one_line, report, say
 from colony.cli.robot_choice import description_option
-from colony.cli.shipped_files import BEHAVIOR
 from colony.text.wording import counted
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ def _as_json(diagnostics: Sequence[Diagnostic], answers: Sequence[Explanation | 
 
 def _explained(program: Program, result: ExampleResult) -> list[Explanation | None]:
     """Return an answer for each failure of a test."""
-    from colony.verify.explain.runs import explain_failure
+    from colony.verify.explain.answer import explain_failure
 
     example = next(e for e in program.tests if e.span == result.span)
     return [explain_failure(program, example, failure) for failure in result.failures]

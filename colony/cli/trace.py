@@ -12,12 +12,11 @@ import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.frame_picture import check_picture, draw_frame, expect_bearings, frame_title, refuse_frame
-from colony.cli.outputs import check_output, output_option, write_whole
+from colony.cli.outputs import BEHAVIOR, check_output, output_option, write_whole
 from colony.cli.params_choice import params_option
 from colony.cli.recorded import program_for
 from colony.cli.reporting import one_line, refuse, say
 from colony.cli.robot_choice import description_option
-from colony.cli.shipped_files import BEHAVIOR
 from colony.files import open_regular, reason
 from colony.text.wording import time_text
 
@@ -152,7 +151,7 @@ class _Decided:
 
 def _decide(program: Program, reader: RecordingReader, backend: Backend, number: int | None) -> _Decided:
     """Decide all frames, or those up to the one with a number, of which alone the decision is a line."""
-    from colony.analysis.follower import BackendExecutors, Follower, Unknown
+    from colony.analysis.follower import BackendExecutors, Follower, UnknownMemory
     from colony.runtime.recordings.replay import outcome_line
     from colony.verify.reference.interpreter import Interpreter
 
@@ -161,7 +160,7 @@ def _decide(program: Program, reader: RecordingReader, backend: Backend, number:
         executor, k = follower.feed(recorded), recorded.tick.k
         decided.first, decided.last = (k if decided.last < 0 else decided.first), k
         decided.is_found = number is None or k == number
-        if isinstance(executor, Unknown):
+        if isinstance(executor, UnknownMemory):
             decided.undecided += 1
         else:
             outcome = executor.step(recorded.frame)

@@ -12,6 +12,7 @@ import click
 
 from colony.cli.exit_codes import EXIT_MISUSE
 from colony.cli.interruption import interruptible
+from colony.cli.outputs import BEHAVIOR, map_option
 from colony.cli.params_choice import params_option
 from colony.cli.recorded import program_for
 from colony.cli.reporting import refuse, report, say
@@ -22,13 +23,12 @@ from colony.cli.robot_options import (
     robot_address_of,
     security_option,
 )
-from colony.cli.shipped_files import BEHAVIOR, map_option
 from colony.extras import expect_extras
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
     from colony.runtime.transport.live.robot_address import RobotAddress
-    from colony.watch.scene import Scene
+    from colony.watch.scene import PageScene
     from colony.watch.serving import PageServer
     from colony.watch.watched import Watched
 
@@ -116,7 +116,7 @@ def _recorded(recording: str, behavior: str | None, map_path: str | None, resour
     from colony.text.diagnostics import DiagnosticError
     from colony.watch.sources import RecordingSource
     from colony.watch.store import SnapshotStore
-    from colony.watch.trail import Trail
+    from colony.watch.trail import RunTrail
     from colony.watch.watched import Watched
 
     try:
@@ -130,7 +130,7 @@ def _recorded(recording: str, behavior: str | None, map_path: str | None, resour
         refuse(failure.diagnostics)
     store = SnapshotStore(scene.modules)
     resources.callback(store.close)
-    trail = Trail(program)
+    trail = RunTrail(program)
     resources.enter_context(RecordingSource(reader, program, store, trail))
     return Watched(scene=scene, store=store, is_live=False, explain=trail.explain)
 
@@ -146,7 +146,7 @@ def _watch_live(
 ) -> None:
     """Show the run of a robot, or the robot without one, and what follows, until interrupted."""
     from colony.files import reason
-    from colony.robots.description import NoDescriptionError, served_program
+    from colony.runs.described import NoDescriptionError, served_program
     from colony.text.diagnostics import DiagnosticError
     from colony.watch.joined_run import JoinedRun, Succession, joined_run
 
@@ -183,7 +183,7 @@ def _watch_live(
                 say(f"colony: error: the next run cannot be shown yet: {reason(problem)}")
 
 
-def scene_for(program: Program, title: str, map_path: str | None, robot: str | None) -> Scene:
+def scene_for(program: Program, title: str, map_path: str | None, robot: str | None) -> PageScene:
     """Return the scene of a program, with the footprint of its robot, on a map if there is one.
 
     `robot` is the name of the robot at run time; None for that of its description.
@@ -192,8 +192,8 @@ def scene_for(program: Program, title: str, map_path: str | None, robot: str | N
         DiagnosticError: the map, or the body of the robot, is invalid.
     """
     from colony.compile.pipeline import compile_program
-    from colony.robots.described import described_robot
-    from colony.watch.footprint import footprint_of
+    from colony.runs.described import described_robot
+    from colony.watch.map import footprint_of
     from colony.watch.scene import scene_of
 
     world = None
@@ -222,7 +222,7 @@ def _tell(server: PageServer, *, opens: bool) -> None:
     if opens:
         import webbrowser
 
-        from colony.watch.user_files import page_link
+        from colony.watch.serving import page_link
 
         if (link := page_link(os.environ, server.url)) is None or not webbrowser.open(link):
             say("the page cannot be opened from here: open the address")
@@ -230,8 +230,7 @@ def _tell(server: PageServer, *, opens: bool) -> None:
 
 def page_server(watched: Watched, port: int | None) -> PageServer:
     """Return a server of the page of a run; exit with 2 if the port is taken."""
-    from colony.watch.serving import PageServer
-    from colony.watch.user_files import user_token
+    from colony.watch.serving import PageServer, user_token
 
     try:
         return PageServer(watched, port=port, token=user_token(os.environ))

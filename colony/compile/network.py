@@ -83,7 +83,7 @@ class Network:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Link:
+class NodeUse:
     """The use of a node, through a gate.
 
     `gate` and `active` are indices into the guards. The link is open while `gate` holds. It carries a command
@@ -99,8 +99,8 @@ class Link:
 class GatedSuppressor:
     """A memoryless suppressor: the dominant link's command if there is one, otherwise the inferior's."""
 
-    dominant: Link
-    inferior: Link
+    dominant: NodeUse
+    inferior: NodeUse
 
 
 SuppressionNode = ModuleLeaf | GatedSuppressor
@@ -123,7 +123,7 @@ class SuppressionNetwork:
 
     nodes: tuple[SuppressionNode, ...]
     guards: tuple[Guard, ...]
-    outputs: tuple[tuple[str, Link], ...]
+    outputs: tuple[tuple[str, NodeUse], ...]
     wires: tuple[tuple[str, int], ...] = ()
     observed: tuple[tuple[str, int], ...] = ()
     windows: tuple[tuple[str, int], ...] = field(default=(), compare=False)

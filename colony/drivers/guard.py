@@ -20,7 +20,6 @@ a channel has the bytes that stop the actuator, those that end the session, and 
 
 from __future__ import annotations
 
-import fcntl
 import os
 import selectors
 import signal
@@ -34,8 +33,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from colony.backoff import Backoff
 from colony.drivers import guard_packets as kinds
-from colony.drivers.link import Link, open_link
+from colony.drivers.link import ByteLink, open_link
+from colony.files import ClaimedError, FileClaim
 
 # --- guard outbox -------------------------------------------------------------------------------------
 #
@@ -51,7 +52,7 @@ MAX_WAITING = 200
 """Maximum number of plain packets that wait; more are dropped."""
 
 
-class Outbox:
+class PacketQueue:
     """The packets that wait for a port of `baud` (8N1; 0: not paced). Mutable.
 
     What the operating system has taken cannot be dropped any more, so that the outbox hands out a packet when
@@ -159,14 +160,12 @@ def claimed(path: str) -> socket.socket | None:
 
     The lock is `path` with `.lock`, and contains the process id.
     """
-    lock = os.open(f"{path}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(lock)
+        claim = FileClaim(f"{path}.lock")  # until this process ends
+    except ClaimedError:
         return None
     with suppress(OSError):  # where the disk is full, nobody learns the process id
-        os.pwrite(lock, f"{os.getpid():<15}\n".encode(), 0)
+        claim.sign()
     with suppress(FileNotFoundError):
         os.unlink(path)  # of a guard that was killed
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -221,13 +220,14 @@ class GuardedPort:
         on_status: Callable[[str | None], None],
     ) -> None:
         self.name, self.baud = name, baud
-        self.outbox = Outbox(baud)
+        self.outbox = PacketQueue(baud)
         self._selector = selector
         self._on_data = on_data
         self._on_status = on_status
         self.is_new = False
-        self._link: Link | None = None
-        self._retry_ns, self._pause_ns, self._opened_ns = 0, RETRY_NS[0], 0
+        self._link: ByteLink | None = None
+        self._retry_ns, self._opened_ns = 0, 0
+        self._retries = Backoff(*RETRY_NS)
 
     @property
     def is_open(self) -> bool:
@@ -275,7 +275,7 @@ class GuardedPort:
             return
         self.is_new, self._opened_ns = True, time.monotonic_ns()
         self._selector.register(self._link, selectors.EVENT_READ, self._read)
-        self._pause_ns = RETRY_NS[0]
+        self._retries.reset()
         self._on_status(None)
 
     def _read(self) -> None:
@@ -296,8 +296,7 @@ class GuardedPort:
         if link is not None and time.monotonic_ns() - self._opened_ns >= STABLE_NS:
             self._retry_ns = 0  # whether it can be opened again says more than why it was lost
             return
-        self._retry_ns = time.monotonic_ns() + self._pause_ns
-        self._pause_ns = min(2 * self._pause_ns, RETRY_NS[1])
+        self._retry_ns = time.monotonic_ns() + self._retries.next()
         self._on_status(why)
 
 
@@ -317,7 +316,7 @@ UNSENT_CHECK_NS = 2_000_000
 
 
 @dataclass(slots=True)
-class Channel:
+class GuardedActuator:
     """What the guard knows of one actuator; `decided_ns` is its last decision, while it may move. Mutable."""
 
     stop: bytes
@@ -344,7 +343,7 @@ class Guard:
         self._drivers: list[socket.socket] = []
         self._alone_since_ns = time.monotonic_ns()
         self._commanding: socket.socket | None = None
-        self._channels = {0: Channel(stop)}  # of the connection that commands, or commanded last
+        self._channels = {0: GuardedActuator(stop)}  # of the connection that commands, or commanded last
         self._asked: list[
             tuple[int, int, int]
         ] = []  # channels and numbers of questions, and when they are due
@@ -485,7 +484,9 @@ class Guard:
             self._commanding, self._channels = driver, {}
         number, deadline_ms, handshake_first, size = kinds.HELLO_HEAD.unpack_from(body)
         body = body[kinds.HELLO_HEAD.size :]
-        self._channels[number] = Channel(body[:size], body[size:], deadline_ms * 1_000_000, handshake_first)
+        self._channels[number] = GuardedActuator(
+            body[:size], body[size:], deadline_ms * 1_000_000, handshake_first
+        )
         self._halt_unknown([number])
 
     def _decide(self, number: int, decided_ns: int, data: bytes) -> None:

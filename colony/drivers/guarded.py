@@ -54,7 +54,7 @@ _guards: list[subprocess.Popen[bytes]] = []
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
+class GuardedCommand:
     """What a driver that commands leaves with the guard, for one actuator.
 
     Attributes:
@@ -78,7 +78,7 @@ class Up:
 
 
 @dataclass(frozen=True, slots=True)
-class Lost:
+class PortLost:
     """The port is not open; `why` says the reason, and what to do."""
 
     why: str
@@ -93,14 +93,14 @@ class Arrived:
 
 
 @dataclass(frozen=True, slots=True)
-class Sent:
+class SendOutcome:
     """The answer to the question with this number: why the newest stop or decision was not sent, or empty."""
 
     number: int
     why: str
 
 
-Event = Up | Lost | Arrived | Sent
+Event = Up | PortLost | Arrived | SendOutcome
 
 
 class GuardError(LinkError):
@@ -136,14 +136,14 @@ class GuardConnection:
         if kind == UP:
             return Up(int(body))
         if kind == LOST:
-            return Lost(body.decode())
+            return PortLost(body.decode())
         if kind == REFUSED:
             raise LinkError(body.decode())
         if kind == SENT:
-            return Sent(struct.unpack_from("<I", body)[0], body[4:].decode())
+            return SendOutcome(struct.unpack_from("<I", body)[0], body[4:].decode())
         raise GuardError(f"the guard of {self._port} has ended")
 
-    def greet(self, channel: int, command: Command) -> None:
+    def greet(self, channel: int, command: GuardedCommand) -> None:
         """Command an actuator over this channel.
 
         Raises:
@@ -173,7 +173,7 @@ class GuardConnection:
     def ask_sent(self, number: int, channel: int = 0, *, stops: bool) -> None:
         """Have the stop of a channel sent if it `stops`, and ask whether its newest stop or decision was.
 
-        `Sent` answers.
+        `SendOutcome` answers.
 
         Raises:
             OSError: the guard has ended, or does not read.
@@ -198,7 +198,7 @@ class GuardConnection:
         self._socket.close()
 
 
-def connect(port: str, baud: int, stop: bytes, *commands: Command) -> GuardConnection:
+def connect(port: str, baud: int, stop: bytes, *commands: GuardedCommand) -> GuardConnection:
     """Connect to the guard of a port; start it if there is none.
 
     Args:

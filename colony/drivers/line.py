@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import sys
@@ -12,23 +13,134 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic
 
-from colony.drivers.dialect import REFUSALS, Dialect, ImplausibleError, OpeningError, OpeningRun, Packet
+from colony.drivers.dialect import (
+    REFUSALS,
+    Dialect,
+    ImplausibleError,
+    OpeningError,
+    OpeningRun,
+    Packet,
+    Readings,
+)
 from colony.drivers.guarded import (
     Arrived,
-    Command,
     Event,
     GuardConnection,
+    GuardedCommand,
     GuardError,
-    Lost,
-    Sent,
+    PortLost,
+    SendOutcome,
     Up,
     connect,
 )
 from colony.drivers.link import TCP, LinkError
-from colony.drivers.measurements import Measurements
-from colony.runtime.kit.background import next_pause_s
+from colony.ir.types import ScalarValue, Value
+from colony.runtime.kit.background import DeviceBackoff
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
 from colony.runtime.servers.drivers import BaseState, Reading
+
+# --- measurements --------------------------------------------------------------------------------------
+#
+# The newest measurements of a device, each with its time. Pure: times are given.
+
+
+class Measurements:
+    """What was measured last. Mutable.
+
+    Args:
+        rings: number of elements of each ring.
+        bounds: least and greatest value of fields and elements.
+        max_speed: greatest possible speed of the base, in mm/s, in any direction.
+        max_turn: its greatest possible turn rate, in deg/s.
+    """
+
+    def __init__(
+        self,
+        *,
+        rings: Mapping[str, int],
+        bounds: Mapping[str, tuple[float, float]],
+        max_speed: float,
+        max_turn: float,
+    ) -> None:
+        self._rings = rings
+        self._bounds = bounds
+        self._max_speed = max_speed
+        self._max_turn = max_turn
+        self._fields: dict[str, tuple[Value, int]] = {}
+        self._elements: dict[str, dict[int, tuple[ScalarValue, int]]] = {name: {} for name in rings}
+        self.base: BaseState | None = None
+
+    def take(self, readings: Readings, t_ns: int) -> None:
+        """Take what a packet measured at `t_ns`, all of it or nothing.
+
+        Raises:
+            ImplausibleError: a value is outside the device's physics.
+        """
+        self._check(readings)
+        self.base = readings.base or self.base
+        for name, value in readings.fields.items():
+            self._fields[name] = value, t_ns
+        for name, elements in readings.elements.items():
+            self._elements[name].update({i: (value, t_ns) for i, value in elements.items()})
+
+    def clear(self) -> None:
+        """Forget everything: the line is lost."""
+        self.base = None
+        self._fields.clear()
+        for elements in self._elements.values():
+            elements.clear()
+
+    def readings(self, now_ns: int, names: Collection[str] | None = None) -> Mapping[str, Reading]:
+        """Return the fields, and the rings of which each element was heard: as old as the oldest of them.
+
+        With `names`, only those.
+        """
+        wanted = (*self._fields, *self._rings) if names is None else names
+        fields = ((name, self._fields[name]) for name in wanted if name in self._fields)
+        found = {name: Reading(value, max(0, now_ns - t_ns)) for name, (value, t_ns) in fields}
+        for name in wanted:
+            if (size := self._rings.get(name)) is None:
+                continue
+            elements = self._elements[name]
+            if len(elements) == size:
+                values = tuple(elements[i][0] for i in range(size))
+                found[name] = Reading(values, max(0, now_ns - min(t_ns for _, t_ns in elements.values())))
+        return found
+
+    def _check(self, readings: Readings) -> None:
+        for name, value in readings.fields.items():
+            if not isinstance(value, (tuple, list)):
+                self._check_value(name, value)
+                continue
+            for element in value:
+                self._check_element(name, element)
+        for name, elements in readings.elements.items():
+            for i, value in elements.items():
+                if not 0 <= i < self._rings[name]:
+                    raise ImplausibleError(f"{name}[{i}]: the ring has {self._rings[name]} elements")
+                self._check_element(name, value)
+        if (base := readings.base) is not None:
+            speed = max(math.hypot(base.speed, base.sideways_speed), abs(base.wheel_speed))
+            if not speed <= self._max_speed:
+                raise ImplausibleError(
+                    f"the base drives at {speed:g} mm/s; at most {self._max_speed:g} is possible"
+                )
+            if not abs(base.turn_rate) <= self._max_turn:
+                text = f"the base turns at {base.turn_rate:g} deg/s; at most {self._max_turn:g} is possible"
+                raise ImplausibleError(text)
+
+    def _check_element(self, name: str, value: ScalarValue | None) -> None:
+        if value is not None and value != math.inf:
+            self._check_value(name, value)
+
+    def _check_value(self, name: str, value: ScalarValue) -> None:
+        low, high = self._bounds.get(name, (-math.inf, math.inf))
+        if not low <= value <= high:
+            raise ImplausibleError(f"{name} is {value}; from {low:g} to {high:g} is possible")
+
+
+# --- line ----------------------------------------------------------------------------------------------
+
 
 WAKE_S = 0.02
 """Seconds between two checks of what is due."""
@@ -74,7 +186,7 @@ def check_options(port: object, baud: object) -> None:
         raise TypeError(f"`baud` is {baud}; expected a whole number, such as 115200")
 
 
-_lines: dict[object, Line[Any]] = {}
+_lines: dict[object, DeviceLine[Any]] = {}
 """The lines of this process that others may listen to."""
 
 _lines_lock = threading.Lock()
@@ -90,7 +202,7 @@ def _key(dialect: Dialect[Packet], port: str, baud: int) -> object:
 
 
 @dataclass(slots=True)
-class Channel:
+class LineChannel:
     """What one actuator commands over a line. Mutable.
 
     Attributes:
@@ -102,13 +214,13 @@ class Channel:
     """
 
     number: int
-    command: Command
+    command: GuardedCommand
     question: int = 0
     pending: int | None = None
     unreached: str | None = None
 
 
-class Line(Generic[Packet]):
+class DeviceLine(Generic[Packet]):
     """A line to one device. Mutable; shared by its thread and those of servers.
 
     A line with channels opens and commands the device; others only listen.
@@ -125,7 +237,7 @@ class Line(Generic[Packet]):
         self._port = port
         self._baud = baud or dialect.baud
         self._first_bytes = b"" if handshake_first(dialect, port) else dialect.stop_bytes
-        self._channels: list[Channel] = []  # grows only
+        self._channels: list[LineChannel] = []  # grows only
         self._greeted = 0  # number of channels that the guard knows
         self._report = report
         self._problems: OnceReporter | None = None
@@ -153,13 +265,13 @@ class Line(Generic[Packet]):
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"line {port}", daemon=True)
 
-    def begin(self) -> Line[Packet]:
+    def begin(self) -> DeviceLine[Packet]:
         """Begin to connect."""
         self._thread.start()
         return self
 
     @classmethod
-    def listening(cls, dialect: Dialect[Packet], port: str, baud: int, report: Report) -> Line[Packet]:
+    def listening(cls, dialect: Dialect[Packet], port: str, baud: int, report: Report) -> DeviceLine[Packet]:
         """Return a line that commands nothing: one of this process with the same port and dialect, if any.
 
         So the packets of a line are decoded once in a process, however many servers it has.
@@ -175,8 +287,13 @@ class Line(Generic[Packet]):
 
     @classmethod
     def commanding(
-        cls, dialect: Dialect[Packet], port: str, baud: int, commands: Sequence[Command], report: Report
-    ) -> tuple[Line[Packet], Sequence[Channel]]:
+        cls,
+        dialect: Dialect[Packet],
+        port: str,
+        baud: int,
+        commands: Sequence[GuardedCommand],
+        report: Report,
+    ) -> tuple[DeviceLine[Packet], Sequence[LineChannel]]:
         """Return a line that opens and commands the device, and a channel of it for each command.
 
         It is one that commands already, if one of this process has the same port and dialect; a guard refuses
@@ -196,8 +313,8 @@ class Line(Generic[Packet]):
             _lines[key], line._key = line, key
         return line.begin(), channels
 
-    def _add(self, commands: Sequence[Command]) -> Sequence[Channel]:
-        added = [Channel(number, command) for number, command in enumerate(commands, len(self._channels))]
+    def _add(self, commands: Sequence[GuardedCommand]) -> Sequence[LineChannel]:
+        added = [LineChannel(number, command) for number, command in enumerate(commands, len(self._channels))]
         self._channels += added
         return added
 
@@ -213,7 +330,7 @@ class Line(Generic[Packet]):
         """True while the device is being opened, and has not failed."""
         return not self._is_ready and self._problems is None
 
-    def decide(self, channel: Channel, data: bytes, *, confirms: bool = False) -> None:
+    def decide(self, channel: LineChannel, data: bytes, *, confirms: bool = False) -> None:
         """Send bytes that carry out the frame that is being decided, in the thread that decides it.
 
         With `confirms`, `unreached` says what has become of them.
@@ -228,7 +345,7 @@ class Line(Generic[Packet]):
         if confirms:
             self._ask_sent(connection, channel)
 
-    def stop(self, channel: Channel) -> None:
+    def stop(self, channel: LineChannel) -> None:
         """Send the stop of a channel, if the device is ready; `unreached` says what has become of it.
 
         Until then nothing was decided since the stop of the guard, and without a guard nothing could move the
@@ -239,7 +356,9 @@ class Line(Generic[Packet]):
         """
         self._ask_sent(self._connection, channel, stops=self._is_ready)
 
-    def _ask_sent(self, connection: GuardConnection | None, channel: Channel, *, stops: bool = False) -> None:
+    def _ask_sent(
+        self, connection: GuardConnection | None, channel: LineChannel, *, stops: bool = False
+    ) -> None:
         """Ask the guard to stop, or only whether it has sent what it was given last."""
         with self._lock:
             self._questions += 1
@@ -248,7 +367,7 @@ class Line(Generic[Packet]):
         if connection is not None and self._knows_port and channel.number < self._greeted:
             self._expect(connection, channel, stops=stops)
 
-    def unreached(self, channel: Channel) -> str | None:
+    def unreached(self, channel: LineChannel) -> str | None:
         """Return why the newest stop has not left this computer, or not yet; None once it has."""
         if channel.unreached is None or self._is_ready:
             return channel.unreached
@@ -280,7 +399,7 @@ class Line(Generic[Packet]):
     # --- the thread ----------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        pause_s = 0.0
+        pauses = DeviceBackoff()
         while not self._closed.is_set():
             began = time.monotonic()
             try:
@@ -290,12 +409,11 @@ class Line(Generic[Packet]):
             except (Exception, SystemExit) as problem:
                 self._lose(problem)
                 if isinstance(problem, GuardError):
-                    pause_s = 0.0
+                    pauses.reset()
                     is_at_once = self._knows_port and self._channels
                     self._closed.wait(0.0 if is_at_once else SUCCESSOR_PAUSE_S)
                     continue
-            pause_s = next_pause_s(pause_s, time.monotonic() - began)
-            self._closed.wait(pause_s)
+            self._closed.wait(pauses.after(time.monotonic() - began))
 
     def _serve(self, connection: GuardConnection, greeted: int) -> None:
         """Take what arrives, until the connection or the device is lost, which raises."""
@@ -317,7 +435,7 @@ class Line(Generic[Packet]):
             self._connection, self._is_ready, self._opening = None, False, None
             connection.close()
 
-    def _expect(self, connection: GuardConnection, channel: Channel, *, stops: bool) -> None:
+    def _expect(self, connection: GuardConnection, channel: LineChannel, *, stops: bool) -> None:
         """Expect an answer to what the guard is asked here."""
         self._asked_ns = time.monotonic_ns()
         with self._lock:
@@ -355,11 +473,11 @@ class Line(Generic[Packet]):
                 self._knows_port, self._answer_due = True, None
                 self._begin(connection, baud)
                 self._expect_all(connection, stops=self._is_ready)
-            case Lost(why=why):
+            case PortLost(why=why):
                 self._knows_port, self._answer_due = True, None
                 self._is_ready, self._opening = False, None
                 self._lose(LinkError(why))
-            case Sent(number=number, why=why):
+            case SendOutcome(number=number, why=why):
                 with self._lock:
                     for channel in self._channels:
                         if number == channel.question:

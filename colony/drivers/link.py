@@ -32,7 +32,7 @@ READ_BYTES = 4096
 """Maximum number of bytes of one read."""
 
 
-class Link(Protocol):
+class ByteLink(Protocol):
     """An open byte link. No method waits. Each raises an OSError once the link is lost."""
 
     def read(self) -> bytes:
@@ -60,7 +60,7 @@ class LinkError(OSError):
     """A link cannot be opened; the text says why, and what to do."""
 
 
-def open_link(text: str, baud: int) -> Link:
+def open_link(text: str, baud: int) -> ByteLink:
     """Open a link.
 
     Args:
@@ -107,7 +107,7 @@ class _Descriptor:
             self._owner.close()  # type: ignore[union-attr]
 
 
-def _tcp(text: str) -> Link:
+def _tcp(text: str) -> ByteLink:
     host, _, port = text.removeprefix(TCP).rpartition(":")
     is_port = port.isdecimal() and len(port) < 6 and 0 < int(port) < 65_536
     if not host or not is_port:
@@ -122,7 +122,7 @@ def _tcp(text: str) -> Link:
     return _Descriptor(connection, connection.fileno())
 
 
-def _serial(path: str, baud: int) -> Link:
+def _serial(path: str, baud: int) -> ByteLink:
     _check_kind(path)
     try:
         import serial  # type: ignore[import-untyped]  # of the extra `drivers`

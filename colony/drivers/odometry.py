@@ -29,7 +29,7 @@ def wrapped_difference(new: int, old: int, bits: int) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Pose:
+class OdometryPose:
     """A pose of dead reckoning: mm (x east, y north), and degrees (0 north, counterclockwise)."""
 
     x: float = 0.0
@@ -37,12 +37,12 @@ class Pose:
     heading: float = 0.0
 
 
-def along_arc(pose: Pose, distance: float, turned: float) -> Pose:
+def along_arc(pose: OdometryPose, distance: float, turned: float) -> OdometryPose:
     """Return the pose after driving `distance` mm along an arc that turns by `turned` degrees."""
     half = math.radians(turned) / 2.0
     chord = distance * (math.sin(half) / half if half else 1.0)
     direction = math.radians(pose.heading) + half
-    return Pose(
+    return OdometryPose(
         pose.x - chord * math.sin(direction),
         pose.y + chord * math.cos(direction),
         (pose.heading + turned) % 360.0,

@@ -7,8 +7,8 @@ from collections.abc import Mapping, Set
 from typing import Generic
 
 from colony.drivers.dialect import Dialect, Packet
-from colony.drivers.guarded import Command
-from colony.drivers.line import Line, check_options, handshake_first, to_stderr
+from colony.drivers.guarded import GuardedCommand
+from colony.drivers.line import DeviceLine, check_options, handshake_first, to_stderr
 from colony.ir.types import ScalarValue
 from colony.runtime.kit.once import Report, exception_text
 from colony.runtime.servers.drivers import BaseState, Reading
@@ -20,9 +20,9 @@ DEADLINE_FRAMES = 3
 DEFAULT_FRAME_NS = 50_000_000
 
 
-def _guarded(dialect: Dialect[Packet], port: str, stop: bytes, frame_ns: int) -> Command:
+def _guarded(dialect: Dialect[Packet], port: str, stop: bytes, frame_ns: int) -> GuardedCommand:
     """Return what is left with the guard for an actuator that `stop` stops."""
-    return Command(
+    return GuardedCommand(
         stop=stop,
         goodbye=dialect.goodbye,
         deadline_ns=max(DEADLINE_NS, DEADLINE_FRAMES * frame_ns),
@@ -61,7 +61,7 @@ class SerialBase(Generic[Packet]):
         check_options(port, baud)
         self._report = report
         command = _guarded(dialect, port, dialect.stop_bytes, frame_ns)
-        self._line, (self._channel,) = Line.commanding(dialect, port, baud, [command], report)
+        self._line, (self._channel,) = DeviceLine.commanding(dialect, port, baud, [command], report)
         self._dialect = self._line.dialect
 
     @property
@@ -140,7 +140,7 @@ class SerialFields(Generic[Packet]):
         check_options(port, baud)
         self._names = dict(names)
         self.commands: Set[str] = frozenset()
-        self._line = Line.listening(dialect, port, baud, report)
+        self._line = DeviceLine.listening(dialect, port, baud, report)
 
     @property
     def problem(self) -> str | None:
@@ -210,7 +210,7 @@ class SerialActuators(SerialFields[Packet]):
             getattr(dialect, name)
         self._names, self._report = dict(names), report
         commands = [_guarded(dialect, port, stop, frame_ns) for stop in stops.values()]
-        self._line, channels = Line.commanding(dialect, port, baud, commands, report)
+        self._line, channels = DeviceLine.commanding(dialect, port, baud, commands, report)
         self._channels = dict(zip(stops, channels, strict=True))
         self.commands = self._channels.keys()
 

@@ -22,17 +22,17 @@ class SyntaxNode(Record):
 
 
 @record
-class Name(SyntaxNode):
+class NameNode(SyntaxNode):
     """An identifier, in its declaration or in a use."""
 
     text: str
 
 
 @record
-class Named(SyntaxNode):
+class NamedNode(SyntaxNode):
     """A declaration with a name, which is its first identifier or the one after its keyword."""
 
-    name: Name
+    name: NameNode
 
 
 # --- expressions ---------------------------------------------------------------------------------
@@ -46,7 +46,7 @@ class ExpressionNode(SyntaxNode):
 
 
 @record
-class Number(ExpressionNode):
+class NumberNode(ExpressionNode):
     """A number as written, with its unit, if any."""
 
     digits: str
@@ -108,7 +108,7 @@ class InRange(ExpressionNode):
 
 
 @record
-class Index(ExpressionNode):
+class IndexNode(ExpressionNode):
     """`array[index]`."""
 
     array: Expression
@@ -125,10 +125,10 @@ class SliceOf(ExpressionNode):
 
 
 @record
-class Call(ExpressionNode):
+class CallNode(ExpressionNode):
     """`function(argument, ..., name = argument, ...)`; the function's name may be dotted."""
 
-    function: Name
+    function: NameNode
     arguments: tuple[Expression, ...]
     named: tuple[Argument, ...] = ()
 
@@ -137,9 +137,9 @@ class Call(ExpressionNode):
 class Comprehension(ExpressionNode):
     """`function(body for variable in low .. high [if condition])`."""
 
-    function: Name
+    function: NameNode
     body: Expression
-    variable: Name
+    variable: NameNode
     low: Expression
     high: Expression
     condition: Expression | None
@@ -149,10 +149,10 @@ class Comprehension(ExpressionNode):
 class ElementsComprehension(ExpressionNode):
     """`function(body for variable in array [if condition])`, or `for variable, bearing in array`."""
 
-    function: Name
+    function: NameNode
     body: Expression
-    variable: Name
-    bearing: Name | None
+    variable: NameNode
+    bearing: NameNode | None
     array: Expression
     condition: Expression | None
 
@@ -177,16 +177,16 @@ class Is(ExpressionNode):
 
 
 Expression = (
-    Number
+    NumberNode
     | Boolean
     | Reference
     | Prefix
     | Infix
     | If
     | InRange
-    | Index
+    | IndexNode
     | SliceOf
-    | Call
+    | CallNode
     | Comprehension
     | ElementsComprehension
     | By
@@ -195,7 +195,7 @@ Expression = (
 
 
 @record
-class NamedValue(Named):
+class NamedValue(NamedNode):
     """A declaration that gives a name a value."""
 
     value: Expression
@@ -217,7 +217,7 @@ class TypeName(SyntaxNode):
 
 
 @record
-class Range(SyntaxNode):
+class RangeNode(SyntaxNode):
     """`range low .. high`."""
 
     low: Expression
@@ -242,42 +242,42 @@ class BearingDecl(SyntaxNode):
 
 
 @record
-class SensorDecl(Named):
+class SensorDecl(NamedNode):
     """`sensor name[size] : type ... from server.field ...`."""
 
     size: Expression | None
     type: TypeName
     bearing: BearingDecl | None = None
-    range: Range | None
+    range: RangeNode | None
     default: Expression | None
-    server: Name
-    field: Name
+    server: NameNode
+    field: NameNode
     within: Expression | None
 
 
 @record
-class FieldDecl(Named):
+class FieldDecl(NamedNode):
     """`name : type range ... default ...`, in an actuator."""
 
     type: TypeName
-    range: Range | None
+    range: RangeNode | None
     default: Expression | None
 
 
 @record
-class IdleDecl(Named):
+class IdleDecl(NamedNode):
     """`idle hold` has no arguments; `idle drive()` has an empty tuple of them."""
 
     arguments: tuple[Argument, ...] | None
 
 
 @record
-class ActuatorDecl(Named):
+class ActuatorDecl(NamedNode):
     """`actuator name { fields } to server.command idle ... on_loss ...`."""
 
     fields: tuple[FieldDecl, ...]
-    server: Name
-    command: Name
+    server: NameNode
+    command: NameNode
     idle: IdleDecl
     on_loss: Literal["stop", "degrade"] | None
 
@@ -286,14 +286,14 @@ RobotItem = FrameDecl | SensorDecl | ActuatorDecl
 
 
 @record
-class RobotDecl(Named):
+class RobotDecl(NamedNode):
     """`robot name { ... }`."""
 
     items: tuple[RobotItem, ...]
 
 
 @record
-class EnumDecl(Named):
+class EnumDecl(NamedNode):
     """`enum name { member = number, ... }`."""
 
     members: tuple[Argument, ...]
@@ -304,7 +304,7 @@ class ImportDecl(SyntaxNode):
     """`import "path" as alias`."""
 
     path: str
-    alias: Name | None
+    alias: NameNode | None
 
 
 @record
@@ -331,7 +331,7 @@ class LetDecl(NamedValue):
 
 
 @record
-class Parameter(Named):
+class ParameterNode(NamedNode):
     """`name[size] : type = initial`; an array without `size` is of any length."""
 
     is_array: bool
@@ -344,11 +344,11 @@ class Parameter(Named):
 class FunctionDecl(NamedValue):
     """`let name(parameter, ...) = value`."""
 
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[ParameterNode, ...]
 
 
 @record
-class StateDecl(Named):
+class StateDecl(NamedNode):
     """`state name : type = initial`."""
 
     type: TypeName | None
@@ -365,21 +365,21 @@ class TransitionDecl(SyntaxNode):
     """A transition; `source` is None for `any`."""
 
     failsafe: bool = False
-    source: Name | None
-    target: Name
+    source: NameNode | None
+    target: NameNode
     condition: Expression
 
 
 @record
-class MachineDecl(Named):
+class MachineDecl(NamedNode):
     """`machine name { start initial ... }`."""
 
-    initial: Name
+    initial: NameNode
     transitions: tuple[TransitionDecl, ...]
 
 
 @record
-class InputDecl(Parameter):
+class InputDecl(ParameterNode):
     """`input name[size] : type = initial`."""
 
 
@@ -390,12 +390,12 @@ Clause = InputDecl | ParamDecl | LetDecl | FunctionDecl | StateDecl | NextDecl
 class DoDecl(SyntaxNode):
     """`do actuator(field = value, ...)`."""
 
-    actuator: Name
+    actuator: NameNode
     arguments: tuple[Argument, ...]
 
 
 @record
-class ModuleDecl(Named):
+class ModuleDecl(NamedNode):
     """`failsafe module name { ... when ... do ... }`."""
 
     failsafe: bool = False
@@ -405,7 +405,7 @@ class ModuleDecl(Named):
 
 
 @record
-class DerivedModuleDecl(Named):
+class DerivedModuleDecl(NamedNode):
     """`failsafe module name = base(param = constant, input = expression, ...)`."""
 
     failsafe: bool = False
@@ -424,7 +424,7 @@ class ReadsDecl(SyntaxNode):
 class CommandsDecl(SyntaxNode):
     """`commands actuator`."""
 
-    actuator: Name
+    actuator: NameNode
 
 
 @record
@@ -442,7 +442,7 @@ class PythonModuleDecl(SyntaxNode):
     """`failsafe module name from python "path" { ... }`."""
 
     failsafe: bool = False
-    name: Name
+    name: NameNode
     path: str
     clauses: tuple[PythonClause, ...]
 
@@ -451,7 +451,7 @@ class PythonModuleDecl(SyntaxNode):
 
 
 @record
-class Link(SyntaxNode):
+class LinkNode(SyntaxNode):
     """The relation between an operand of a chain and the rest of the chain, with its time constant."""
 
     relation: Literal["suppresses", "inhibits"]
@@ -459,18 +459,18 @@ class Link(SyntaxNode):
 
 
 @record
-class Chain(SyntaxNode):
+class ChainNode(SyntaxNode):
     """`operands[0] links[0] operands[1] links[1] ...`, as written: flat, whatever its length."""
 
     operands: tuple[Wiring, ...]
-    links: tuple[Link, ...]
+    links: tuple[LinkNode, ...]
 
 
-Wiring = Reference | Chain
+Wiring = Reference | ChainNode
 
 
 @record
-class WireDecl(Named):
+class WireDecl(NamedNode):
     """`name = wiring`."""
 
     wiring: Wiring
@@ -490,15 +490,15 @@ class NetworkDecl(SyntaxNode):
 class LimitDecl(SyntaxNode):
     """`limit actuator.field <= bound when condition`."""
 
-    actuator: Name
-    field: Name
+    actuator: NameNode
+    field: NameNode
     relation: Literal["<=", ">="]
     bound: Expression
     condition: Expression | None
 
 
 @record
-class ContractDecl(Named):
+class ContractDecl(NamedNode):
     """`contract name in time: expression`, or `reach name: expression`."""
 
     expression: Expression

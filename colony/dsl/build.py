@@ -34,8 +34,8 @@ def _extent(children: Children) -> dict[str, int]:
     return {"start": _start(children), "end": _end(children)}
 
 
-def _name(token: Token) -> ast.Name:
-    return ast.Name(text=token.value, **_extent((token,)))
+def _name(token: Token) -> ast.NameNode:
+    return ast.NameNode(text=token.value, **_extent((token,)))
 
 
 def _of(kind: type | tuple[type, ...], children: Iterable[Any]) -> tuple[Any, ...]:
@@ -49,7 +49,7 @@ def _unquoted(token: Token) -> str:
 EXPRESSIONS: tuple[type, ...] = ast.Expression.__args__
 
 
-class Builder:
+class TreeBuilder:
     """A method for each rule of the grammar, named after it."""
 
     def file(self, c: Children) -> ast.File:
@@ -102,7 +102,7 @@ class Builder:
         parenthesized
     ) = second
 
-    def alias(self, c: Children) -> ast.Name:
+    def alias(self, c: Children) -> ast.NameNode:
         """Return the name behind `as`."""
         return _name(c[1])
 
@@ -132,9 +132,9 @@ class Builder:
         """Build the idle command of an actuator."""
         return ast.IdleDecl(name=_name(c[0]), arguments=None if c[1] is None else c[1][0], **_extent(c[:1]))
 
-    def range(self, c: Children) -> ast.Range:
+    def range(self, c: Children) -> ast.RangeNode:
         """Build a range."""
-        return ast.Range(low=c[1], high=c[3], **_extent(c))
+        return ast.RangeNode(low=c[1], high=c[3], **_extent(c))
 
     def type(self, c: Children) -> ast.TypeName:
         """Build the name of a type."""
@@ -172,12 +172,12 @@ class Builder:
 
     def function(self, c: Children) -> ast.FunctionDecl:
         """Build the declaration of a function."""
-        parameters = _of(ast.Parameter, c)
+        parameters = _of(ast.ParameterNode, c)
         return ast.FunctionDecl(name=_name(c[1]), parameters=parameters, value=c[-1], **_extent(c))
 
-    def parameter(self, c: Children) -> ast.Parameter:
+    def parameter(self, c: Children) -> ast.ParameterNode:
         """Build a parameter of a function."""
-        return ast.Parameter(**_parameter(c))
+        return ast.ParameterNode(**_parameter(c))
 
     def shape(self, c: Children) -> tuple[ast.Expression | None]:
         """Return the length of an array, None for any length, in a tuple."""
@@ -185,7 +185,7 @@ class Builder:
 
     def input(self, c: Children) -> ast.InputDecl:
         """Build an input of a module."""
-        values = {f.name: getattr(c[1], f.name) for f in fields(ast.Parameter)}
+        values = {f.name: getattr(c[1], f.name) for f in fields(ast.ParameterNode)}
         return ast.InputDecl(**{**values, **_extent(c)})
 
     def state(self, c: Children) -> ast.StateDecl:
@@ -268,16 +268,16 @@ class Builder:
         """Build a wire."""
         return ast.WireDecl(name=_name(c[0]), wiring=c[2], **_extent(c))
 
-    def chain(self, c: Children) -> ast.Chain:
+    def chain(self, c: Children) -> ast.ChainNode:
         """Build a chain from its operands and the links between them."""
-        return ast.Chain(operands=tuple(c[::2]), links=tuple(c[1::2]), **_extent(c))
+        return ast.ChainNode(operands=tuple(c[::2]), links=tuple(c[1::2]), **_extent(c))
 
-    def link(self, c: Children) -> ast.Link:
+    def link(self, c: Children) -> ast.LinkNode:
         """Build a link of a chain: `suppresses` or `inhibits`, with its time constant."""
         relation: Literal["suppresses", "inhibits"] = (
             "suppresses" if c[0].type == "SUPPRESSES" else "inhibits"
         )
-        return ast.Link(relation=relation, window=c[1], **_extent(c[:1]))
+        return ast.LinkNode(relation=relation, window=c[1], **_extent(c[:1]))
 
     # --- limits, contracts, tests
 
@@ -401,9 +401,9 @@ class Builder:
         status = cast("ast.Status", c[2].value)
         return ast.Is(subject=c[0], status=status, depth=2, **_extent(c))
 
-    def index(self, c: Children) -> ast.Index:
+    def index(self, c: Children) -> ast.IndexNode:
         """Build an element access."""
-        return ast.Index(array=c[0], index=c[2], depth=1 + max(c[0].depth, c[2].depth), **_extent(c))
+        return ast.IndexNode(array=c[0], index=c[2], depth=1 + max(c[0].depth, c[2].depth), **_extent(c))
 
     def slice(self, c: Children) -> ast.SliceOf:
         """Build a slice."""
@@ -411,20 +411,20 @@ class Builder:
         depth = 1 + max(array.depth, first.depth, last.depth)
         return ast.SliceOf(array=array, first=first, last=last, depth=depth, **_extent(c))
 
-    def number(self, c: Children) -> ast.Number:
+    def number(self, c: Children) -> ast.NumberNode:
         """Build a number from its digits and unit."""
         digits, unit = split_number(c[0].value)
-        return ast.Number(digits=digits, unit=unit, start=_start(c), end=_end(c))
+        return ast.NumberNode(digits=digits, unit=unit, start=_start(c), end=_end(c))
 
     def boolean(self, c: Children) -> ast.Boolean:
         """Build a boolean constant."""
         return ast.Boolean(value=c[0].type == "TRUE", **_extent(c))
 
-    def call(self, c: Children) -> ast.Call:
+    def call(self, c: Children) -> ast.CallNode:
         """Build a function call."""
         arguments, named = _of(EXPRESSIONS, c), _of(ast.Argument, c)
         depth = 1 + max((a.depth for a in (*arguments, *(n.value for n in named))), default=0)
-        return ast.Call(function=_called(c), arguments=arguments, named=named, depth=depth, **_extent(c))
+        return ast.CallNode(function=_called(c), arguments=arguments, named=named, depth=depth, **_extent(c))
 
     def comprehension(self, c: Children) -> ast.Comprehension:
         """Build a comprehension."""
@@ -469,12 +469,12 @@ def _parameter(c: Children) -> dict[str, Any]:
     return {**parts, "start": _start(c), "end": _end([type_, initial])}
 
 
-def _called(c: Children) -> ast.Name:
+def _called(c: Children) -> ast.NameNode:
     """Return the name, perhaps dotted, of the function that is called."""
     if c[1].type == "LPAR":
         return _name(c[0])
     parts = list(takewhile(lambda token: token.type != "LPAR", c))
-    return ast.Name(text="".join([t.value for t in parts]), **_extent(parts))
+    return ast.NameNode(text="".join([t.value for t in parts]), **_extent(parts))
 
 
 def split_number(text: str) -> tuple[str, str | None]:

@@ -20,7 +20,7 @@ from colony.ir.program import Robot
 from colony.record import Record, record
 from colony.shipped import Shipped
 from colony.text.diagnostics import Diagnostic, note
-from colony.text.suggestions import did_you_mean
+from colony.text.wording import did_you_mean
 
 ROBOTS = "robots"
 """The folder of a project's own descriptions."""

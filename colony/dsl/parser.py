@@ -22,12 +22,15 @@ from lark import Lark, TextSlice, Tree
 from lark.exceptions import UnexpectedInput
 
 from colony.dsl import ast
-from colony.dsl.build import Builder
+from colony.dsl.build import TreeBuilder
 from colony.files import keep_in_cache, read_from_cache, user_cache
 from colony.record import Record, record
 from colony.text.units import BASE_UNITS
 
 GRAMMAR = Path(__file__).with_name("grammar.lark")
+
+BUILD = GRAMMAR.with_name("build.py")
+"""The file of `TreeBuilder`, which the kept tables name with its methods."""
 _MAX_BYTES = 4 * 1024 * 1024
 _SEAL_BYTES = sha256().digest_size
 
@@ -75,7 +78,7 @@ def _unexpected(text: str, start: int, problem: UnexpectedInput) -> Unexpected:
 def _parser() -> Lark:
     names = sorted(BASE_UNITS, key=lambda name: (-len(name), name))
     grammar = GRAMMAR.read_text(encoding="utf-8").replace("<unit>", "|".join(names))
-    made_by = f"{sys.version} {lark.__version__} {grammar}".encode()
+    made_by = f"{sys.version} {lark.__version__} {grammar}".encode() + BUILD.read_bytes()
     file = user_cache(os.environ, "grammar")
     with suppress(OSError):
         kept = read_from_cache(file, _MAX_BYTES) if file else b""
@@ -89,7 +92,7 @@ def _parser() -> Lark:
         lexer="contextual",
         keep_all_tokens=True,
         maybe_placeholders=True,
-        transformer=Builder(),
+        transformer=TreeBuilder(),
     )
     with suppress(OSError):
         if file:

@@ -44,7 +44,7 @@ def _expression(node: ast.Expression, level: int) -> str:
 
 def _text_and_level(node: ast.Expression) -> tuple[str, int]:
     match node:
-        case ast.Number(digits=digits, unit=unit):
+        case ast.NumberNode(digits=digits, unit=unit):
             return (f"{digits} {unit}" if unit else digits), _POSTFIX
         case ast.Boolean(value=value):
             return ("true" if value else "false"), _POSTFIX
@@ -59,12 +59,12 @@ def _text_and_level(node: ast.Expression) -> tuple[str, int]:
             return "if {} then {} else {}".format(*parts), _IF
         case ast.InRange() | ast.By() | ast.Is():
             return _relation(node), _COMPARISON
-        case ast.Index(array=array, index=index):
+        case ast.IndexNode(array=array, index=index):
             return f"{_expression(array, _POSTFIX)}[{_expression(index, _IF)}]", _POSTFIX
         case ast.SliceOf(array=array, first=first, last=last):
             ends = f"{_expression(first, _SUM)}..{_expression(last, _SUM)}"
             return f"{_expression(array, _POSTFIX)}[{ends}]", _POSTFIX
-        case ast.Call(function=function, arguments=arguments, named=named):
+        case ast.CallNode(function=function, arguments=arguments, named=named):
             parts = [*(_expression(a, _IF) for a in arguments), *map(_argument, named)]
             return f"{function.text}({', '.join(parts)})", _POSTFIX
         case ast.Comprehension() | ast.ElementsComprehension():
@@ -178,7 +178,7 @@ def _type(node: ast.TypeName) -> str:
     return ".".join(node.path)
 
 
-def _range(node: ast.Range | None) -> str:
+def _range(node: ast.RangeNode | None) -> str:
     if node is None:
         return ""
     return f" range {_expression(node.low, _SUM)} .. {_expression(node.high, _SUM)}"
@@ -238,7 +238,7 @@ def _clause(node: ast.Clause) -> str:
             return f"next {node.name.text} = {print_expression(node.value)}"
 
 
-def _parameter(node: ast.Parameter) -> str:
+def _parameter(node: ast.ParameterNode) -> str:
     size = "" if node.size is None else print_expression(node.size)
     shape = f"[{size}]" if node.is_array else ""
     initial = "" if node.initial is None else f" = {print_expression(node.initial)}"
@@ -287,7 +287,7 @@ def _wiring(node: ast.Wiring) -> str:
 
 
 def _operand(node: ast.Wiring) -> str:
-    return f"({_wiring(node)})" if isinstance(node, ast.Chain) else node.text
+    return f"({_wiring(node)})" if isinstance(node, ast.ChainNode) else node.text
 
 
 def _step(node: ast.StepDecl) -> str:

@@ -10,9 +10,8 @@ from colony.dsl.parser import Unexpected, expected_terminals, new_declaration
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Source, Span
-from colony.text.suggestions import did_you_mean
 from colony.text.units import BASE_UNITS
-from colony.text.wording import listed
+from colony.text.wording import did_you_mean, listed
 
 # --- syntax hints -------------------------------------------------------------------------------------
 #
@@ -262,7 +261,7 @@ _NEARBY = 300
 
 
 @record
-class Slip(Record):
+class SyntaxSlip(Record):
     """A syntax error with the text around it.
 
     Attributes:
@@ -286,7 +285,7 @@ def declaration_hint(
     """Return a hint about the form that the declaration at `declaration_start` should have, or None."""
     head = _HEAD.match(text, declaration_start)
     end = offset + len(found)
-    slip = Slip(
+    slip = SyntaxSlip(
         head=head[1] if head else "",
         before=text[max(offset - _NEARBY, 0) : offset],
         found=found,
@@ -299,7 +298,7 @@ def declaration_hint(
 _HEAD = re.compile(r"(?:[ \t\r\n\f]|#[^\r\n]*)*(?:failsafe[ \t]+)?(\w*)")
 
 
-def _missing_type(slip: Slip) -> str | None:
+def _missing_type(slip: SyntaxSlip) -> str | None:
     name = re.search(r"(\w+)\s*$", slip.before)
     if name is None or slip.accepted != {"COLON", "LSQB"}:
         return None
@@ -310,7 +309,7 @@ def _missing_type(slip: Slip) -> str | None:
     return f"a parameter has a type, for example `{name[1]} : mm`" if slip.head == "let" else None
 
 
-def _array_type(slip: Slip) -> str | None:
+def _array_type(slip: SyntaxSlip) -> str | None:
     typed = re.search(r"(?:(\b(?:input|sensor)\s+)|[(,]\s*)(\w+)\s*:\s*([\w/^.*-]+)\s*$", slip.before)
     if slip.found != "[" or typed is None or not (typed[1] or slip.head == "let"):
         return None
@@ -318,7 +317,7 @@ def _array_type(slip: Slip) -> str | None:
     return f"the brackets stand after the name: `{typed[2]}[{size[1] if size else ''}] : {typed[3]}`"
 
 
-def _type_of_let(slip: Slip) -> str | None:
+def _type_of_let(slip: SyntaxSlip) -> str | None:
     if slip.head != "let" or slip.found not in (":", "->") or "ASSIGN" not in slip.accepted:
         return None
     if slip.after.startswith("="):
@@ -328,7 +327,7 @@ def _type_of_let(slip: Slip) -> str | None:
     return "the type of a `let` is not written: it is that of the expression after `=`"
 
 
-def _arguments_by_name(slip: Slip) -> str | None:
+def _arguments_by_name(slip: SyntaxSlip) -> str | None:
     begins = "NAME" in slip.accepted and not slip.accepted & {"NUMBER", "PLUS"}
     begins = begins and re.match(r"[\w(.-]", slip.found) is not None
     if not begins and slip.accepted != {"ASSIGN"}:
@@ -340,14 +339,14 @@ def _arguments_by_name(slip: Slip) -> str | None:
     return f"fields are given by name: `{command[1]}(FIELD = VALUE)`" if command else None
 
 
-def _inputs_inside(slip: Slip) -> str | None:
+def _inputs_inside(slip: SyntaxSlip) -> str | None:
     name = re.search(r"\bmodule\s+(\w+)\s*$", slip.before)
     if slip.found != "(" or name is None:
         return None
     return f"inputs are declared inside: `module {name[1]} {{ input NAME : TYPE ... }}`"
 
 
-def _derived_in_network(slip: Slip) -> str | None:
+def _derived_in_network(slip: SyntaxSlip) -> str | None:
     name = re.search(r"([\w.]+)\s*$", slip.before)
     if slip.head != "network" or slip.found != "(" or name is None:
         return None
@@ -356,7 +355,7 @@ def _derived_in_network(slip: Slip) -> str | None:
     return f"derive it above the network, `module NAME = {name[1]}(...)`, and wire `NAME`"
 
 
-def _list(slip: Slip) -> str | None:
+def _list(slip: SyntaxSlip) -> str | None:
     if slip.found != "[" or "NUMBER" not in slip.accepted or "LSQB" in slip.accepted:
         return None
     if re.match(r"[^\[\]]*\sfor\s", slip.after):
@@ -364,13 +363,13 @@ def _list(slip: Slip) -> str | None:
     return "there are no lists of values: arrays are sensors, slices of them, and what is computed from them"
 
 
-def _loop_variables(slip: Slip) -> str | None:
+def _loop_variables(slip: SyntaxSlip) -> str | None:
     if slip.found != "(" or not re.search(r"\bfor\s+$", slip.before):
         return None
     return "variables have no parentheses: `for r, a in ranges`"
 
 
-def _loop_condition(slip: Slip) -> str | None:
+def _loop_condition(slip: SyntaxSlip) -> str | None:
     is_condition = slip.found in ("where", "when") and {"IF", "RPAR"} <= slip.accepted
     return "write `if`" if is_condition else None
 
@@ -378,7 +377,7 @@ def _loop_condition(slip: Slip) -> str | None:
 _SENSOR_PARTS = ("bearing", "range", "default", "from", "within")
 
 
-def _sensor_order(slip: Slip) -> str | None:
+def _sensor_order(slip: SyntaxSlip) -> str | None:
     sensor = re.search(r"\bsensor\s+\w([^{}]*)$", slip.before)
     if slip.head != "robot" or sensor is None:
         return None
@@ -391,7 +390,7 @@ def _sensor_order(slip: Slip) -> str | None:
     return "the order is: type, `bearing`, `range`, `default`, `from`, `within`"
 
 
-def _robot_import(slip: Slip) -> str | None:
+def _robot_import(slip: SyntaxSlip) -> str | None:
     if not re.search(r"\bimport\s+robot\s+$", slip.before):
         return None
     if slip.found.startswith('"'):
@@ -399,14 +398,14 @@ def _robot_import(slip: Slip) -> str | None:
     return "`import robot` takes no alias: the robot's names have no prefix" if slip.found == "as" else None
 
 
-def _contract_condition(slip: Slip) -> str | None:
+def _contract_condition(slip: SyntaxSlip) -> str | None:
     if slip.head != "contract" or slip.found not in ("when", "if") or "IMPLIES" not in slip.accepted:
         return None
     condition = re.match(r"[ \t]*([^\r\n#]{1,40}?)[ \t]*(?:[\r\n#]|$)", slip.after)
     return f"write the condition first: `{condition[1] if condition else 'CONDITION'} implies ...`"
 
 
-_FORMS: tuple[Callable[[Slip], str | None], ...] = (
+_FORMS: tuple[Callable[[SyntaxSlip], str | None], ...] = (
     _missing_type,
     _array_type,
     _type_of_let,

@@ -9,10 +9,9 @@ from typing import Any
 
 from colony.execute.executor import ProgramExecutor
 from colony.execute.validity import MAX_TIME_NS
-from colony.ir.frame import NOTHING_GIVEN, Answer, Frame, Given, Outcome
+from colony.ir.frame import NOTHING_GIVEN, Answer, Frame, Outcome, OverriddenCommand
 from colony.ir.program import Sensor
-from colony.text.suggestions import did_you_mean
-from colony.text.wording import quoted
+from colony.text.wording import did_you_mean, quoted
 
 
 class CheckedExecutor(ProgramExecutor):
@@ -24,7 +23,7 @@ class CheckedExecutor(ProgramExecutor):
         self,
         frame: Frame,
         answers: Mapping[str, Answer] | None = None,
-        given: Mapping[str, Given] = NOTHING_GIVEN,
+        given: Mapping[str, OverriddenCommand] = NOTHING_GIVEN,
     ) -> Outcome:
         """Execute one frame and return its outcome.
 

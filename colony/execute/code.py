@@ -33,9 +33,9 @@ from typing import Literal as OneOf
 from typing import assert_never
 
 from colony.execute.operators import Operator
-from colony.ir.in_time import InTime
 from colony.ir.program import Actuator, ActuatorField, Sensor
 from colony.ir.types import ScalarValue
+from colony.ir.walk import InTime
 from colony.text.source import Span
 
 

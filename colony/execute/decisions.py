@@ -7,8 +7,7 @@ from typing import Any, Literal, NamedTuple
 from colony.execute.code import ActuatorCode, ClientCode
 from colony.execute.intake import Records
 from colony.execute.settle import bounds_of, settle
-from colony.ir.frame import Given
-from colony.ir.given import value_sent
+from colony.ir.frame import OverriddenCommand, value_sent
 from colony.ir.program import Actuator
 from colony.ir.types import ScalarValue
 
@@ -76,7 +75,7 @@ def decide(actuator: ActuatorCode, winner: ClientCode | None, values: list[Any])
     return ActuatorDecision(winner.module, sent, fault, records, fault is None)
 
 
-def decide_given(actuator: ActuatorCode, given: Given, values: list[Any]) -> ActuatorDecision:
+def decide_given(actuator: ActuatorCode, given: OverriddenCommand, values: list[Any]) -> ActuatorDecision:
     """Return the decision for an actuator that was given something else than the network decided."""
     idle, fields = actuator.actuator.idle, actuator.actuator.fields
     if given.values is None:

@@ -34,11 +34,20 @@ from colony.execute.needs import (
     unsimplified_view,
     whole_view,
 )
-from colony.ir.frame import NOTHING_GIVEN, Answer, Bid, Decision, Frame, Given, Outcome, Record
-from colony.ir.in_time import idled, remembered
+from colony.ir.frame import (
+    NOTHING_GIVEN,
+    Answer,
+    Bid,
+    Decision,
+    Frame,
+    FrameEvent,
+    Outcome,
+    OverriddenCommand,
+)
 from colony.ir.memory import ProgramMemory, late_cell
 from colony.ir.program import Actuator, in_declared_units
 from colony.ir.types import ScalarValue
+from colony.ir.walk import idled, remembered
 
 
 class ExclusivityError(Exception):
@@ -79,7 +88,7 @@ class ProgramExecutor:
         self,
         frame: Frame,
         answers: Mapping[str, Answer] | None = None,
-        given: Mapping[str, Given] = NOTHING_GIVEN,
+        given: Mapping[str, OverriddenCommand] = NOTHING_GIVEN,
     ) -> Outcome:
         """Execute one frame; return the decision for each actuator, the records and the broken contracts.
 
@@ -194,7 +203,7 @@ class ProgramExecutor:
         self._last = dict(memory.last)
         self._late = {actuator for name, actuator in late_cells.items() if memory.cells[name]}
 
-    def _decide(self, actuator: ActuatorCode, given: Mapping[str, Given]) -> Decision:
+    def _decide(self, actuator: ActuatorCode, given: Mapping[str, OverriddenCommand]) -> Decision:
         winner = self._winner(actuator)
         if actuator.actuator.name in given:
             decided = decide_given(actuator, given[actuator.actuator.name], self._machine.values)
@@ -240,7 +249,7 @@ class ClientStep(NamedTuple):
     active: bool
     values: tuple[ScalarValue, ...] | None
     fault: str | None
-    records: tuple[Record, ...]
+    records: tuple[FrameEvent, ...]
     bid: Bid
 
 
@@ -356,11 +365,11 @@ class ClientsExecutor:
 
 
 def _client_step(
-    actuator: ActuatorCode, client: ClientCode, values: list[Any], records: tuple[Record, ...]
+    actuator: ActuatorCode, client: ClientCode, values: list[Any], records: tuple[FrameEvent, ...]
 ) -> ClientStep:
     won = bool(values[client.exclusive])
     decided = decide(actuator, client if won else None, values)
-    own = tuple(Record(kind, subject) for kind, subject in decided.records)  # type: ignore[arg-type]
+    own = tuple(FrameEvent(kind, subject) for kind, subject in decided.records)  # type: ignore[arg-type]
     sent = decided.sent if won and decided.fault is None else None
     return ClientStep(won, sent, decided.fault, records + own, _bid(client, values))
 

@@ -31,11 +31,10 @@ from colony.execute.code import (
     Winner,
 )
 from colony.execute.decisions import ActuatorDecision
-from colony.execute.intake import Records, of_age
+from colony.execute.intake import Records, age_limits, of_age, validate_reading
 from colony.execute.operators import FUNCTIONS, Operator
 from colony.execute.python_step import PythonStep
-from colony.execute.sensors import age_limits, validate_reading
-from colony.ir.frame import Answer, Frame, Record
+from colony.ir.frame import Answer, Frame, FrameEvent
 from colony.ir.types import Array, Bool, Enum
 from colony.text.diagnostics import DiagnosticError, error
 
@@ -120,9 +119,9 @@ class OpMachine:
         for i, value in updates:
             self.cells[i] = value
 
-    def records(self) -> tuple[Record, ...]:
+    def records(self) -> tuple[FrameEvent, ...]:
         """Return the records of the frame so far."""
-        return tuple(Record(kind, subject) for kind, subject in self._records)  # type: ignore[arg-type]
+        return tuple(FrameEvent(kind, subject) for kind, subject in self._records)  # type: ignore[arg-type]
 
     def _step(self, op: Op) -> Step:
         """Return the function that computes an op from earlier values and the frame's input."""

@@ -37,7 +37,7 @@ BOUNDS = ".bounds"
 """Name of the client that computes the bounds of an actuator in each frame; no module has this name."""
 
 
-class Needs(NamedTuple):
+class ClientNeeds(NamedTuple):
     """The dependencies of a client: names of sensors and of modules in Python, indices of cells."""
 
     sensors: tuple[str, ...]
@@ -45,7 +45,7 @@ class Needs(NamedTuple):
     cells: tuple[int, ...]
 
 
-def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
+def needs_of_clients(code: Code) -> Mapping[ClientKey, ClientNeeds]:
     """Return the dependencies of each client, including those of its limits and of its memory.
 
     An actuator that has limits has one more client, `BOUNDS`.
@@ -68,14 +68,14 @@ def needs_of_clients(code: Code) -> Mapping[ClientKey, Needs]:
             mask |= masks[index]
         masks.append(mask)
     cells = _cell_closure(code, masks)
-    needs: dict[ClientKey, Needs] = {}
+    needs: dict[ClientKey, ClientNeeds] = {}
     for key, indices in _roots(code):
         mask = 0
         for index in indices:
             mask |= masks[index]
         mask = _with_memory(mask, cells)
         used = tuple(_bit_indices(mask))
-        needs[key] = Needs(
+        needs[key] = ClientNeeds(
             sensors=tuple([sensors[i - first_sensor] for i in used if first_sensor <= i < first_module]),
             python_modules=tuple([modules[i - first_module] for i in used if i >= first_module]),
             cells=tuple([i for i in used if i < first_sensor]),

@@ -10,7 +10,7 @@ from typing import NoReturn
 from colony.execute.intake import as_float
 
 
-class Snapshot(dict[str, object]):
+class StepInput(dict[str, object]):
     """The argument of a module's `step`: a read-only mapping from the names that it reads to their values.
 
     Values are in base units (mm, s, deg), arrays are tuples; `t` is in seconds since the first frame.
@@ -106,7 +106,7 @@ class PythonStep:
         self, t: int, values: dict[str, object], records: tuple[tuple[str, str], ...]
     ) -> tuple[tuple[float | bool, ...] | bool | None, tuple[tuple[str, str], ...]]:
         try:
-            return self._answer(self._object.step(Snapshot(t / 1e9, values))), records  # type: ignore[attr-defined]
+            return self._answer(self._object.step(StepInput(t / 1e9, values))), records  # type: ignore[attr-defined]
         except Exception:
             return False, (*records, ("python error", self._module))
 

@@ -284,7 +284,7 @@ def _by_param(experiment: Experiment, results: Sequence[TrialResult]) -> Iterato
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Difference:
+class PairedDifference:
     """The paired differences of one measure, second behavior minus first, over the runs of both.
 
     Attributes:
@@ -311,16 +311,16 @@ _MEASURES: tuple[tuple[str, Callable[[TrialResult], float]], ...] = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Comparison:
+class PairedComparison:
     """The comparison of two behaviors over `pairs` runs with the same inputs."""
 
     first: str
     second: str
     pairs: int
-    differences: tuple[Difference, ...]
+    differences: tuple[PairedDifference, ...]
 
 
-def comparison_of(experiment: Experiment, results: Sequence[TrialResult]) -> Comparison | None:
+def comparison_of(experiment: Experiment, results: Sequence[TrialResult]) -> PairedComparison | None:
     """Return the comparison of an experiment's two behaviors; None if there are not two, or no pairs yet."""
     if len(experiment.programs) < 2:
         return None
@@ -337,7 +337,7 @@ def comparison_of(experiment: Experiment, results: Sequence[TrialResult]) -> Com
         if any(deltas):
             more, less = sum(d > 0.0 for d in deltas), sum(d < 0.0 for d in deltas)
             found.append(
-                Difference(
+                PairedDifference(
                     measure=measure,
                     difference=mean_of(deltas),
                     more=more,
@@ -346,10 +346,10 @@ def comparison_of(experiment: Experiment, results: Sequence[TrialResult]) -> Com
                 )
             )
     names = [program.label for program in experiment.programs]
-    return Comparison(first=names[0], second=names[1], pairs=len(pairs), differences=tuple(found))
+    return PairedComparison(first=names[0], second=names[1], pairs=len(pairs), differences=tuple(found))
 
 
-def _comparison_text(found: Comparison) -> str:
+def _comparison_text(found: PairedComparison) -> str:
     head = f"{found.second} minus {found.first}, {counted(found.pairs, 'pair')} of runs with the same inputs:"
     if not found.differences:
         return f"{head} no difference"

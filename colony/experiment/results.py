@@ -10,9 +10,10 @@ import json
 import os
 import sqlite3
 from array import array
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, is_dataclass
+from hashlib import sha256
 from itertools import chain
 from operator import getitem
 from pathlib import Path
@@ -31,7 +32,32 @@ from typing import (
 
 import msgspec
 
-from colony.files import open_descriptor, reason
+from colony.execute.colonyc import encode
+from colony.execute.compiled import Compiled
+from colony.files import StrPath, open_descriptor, reason
+
+# --- digest --------------------------------------------------------------------------------------------
+#
+# A digest of all that the results of an experiment depend on, apart from its settings.
+
+
+PACKAGE = Path(__file__).parents[1]
+
+
+def digest_of(programs: Sequence[Compiled], maps: Iterable[StrPath]) -> str:
+    """Return a digest of programs with their sources, of the files of a map, and of colony itself."""
+    digest = sha256()
+    for program in programs:
+        digest.update(encode(program))
+    for path in maps:
+        digest.update(Path(path).read_bytes())
+    for path in sorted(PACKAGE.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+# --- results -------------------------------------------------------------------------------------------
+
 
 # --- rows ---------------------------------------------------------------------------------------------
 #
@@ -132,7 +158,7 @@ R = TypeVar("R", bound=StoredResult)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table(Generic[R]):
+class ResultTable(Generic[R]):
     """A table of results of one kind.
 
     Attributes:
@@ -175,7 +201,7 @@ class Results(Generic[R]):
         ResultsError: the file cannot be opened, or is not a file of results.
     """
 
-    def __init__(self, path: Path | None, table: Table[R]) -> None:
+    def __init__(self, path: Path | None, table: ResultTable[R]) -> None:
         self._path, self._table = path, table
         with self._reporting_errors():
             if path is not None:

@@ -13,12 +13,11 @@ from colony.analysis.audit import audit_recording
 from colony.analysis.recording import OpenRecording
 from colony.execute.compiled import Compiled
 from colony.execute.needs import needs_of_clients
-from colony.experiment.design import Trial
-from colony.experiment.programs import compiled_of
-from colony.experiment.results import KEY_COLUMNS, Points, RunKey, Table
+from colony.experiment.design import Trial, compiled_of
+from colony.experiment.results import KEY_COLUMNS, Points, ResultTable, RunKey
 from colony.ir.program import Program
-from colony.robots.building_run import run_in_building
-from colony.robots.request import MisuseError, RunReport, RunRequest, UserInterface
+from colony.runs.building_run import run_in_building
+from colony.runs.spec import MisuseError, RunReport, UserInterface
 from colony.runtime.frames.run_frame import RunFrame
 from colony.text.diagnostics import DiagnosticError
 
@@ -80,7 +79,7 @@ class TrialResult:
         return self.stay_s >= STUCK_S and self.arrived != 1
 
 
-TRIALS = Table(
+TRIALS = ResultTable(
     name="trial",
     kind=TrialResult,
     columns=(
@@ -120,15 +119,14 @@ def run_trial(trial: Trial, record: str | None = None) -> TrialResult:
 def _run(trial: Trial, record: str | None) -> TrialResult:
     program, compiled, described = compiled_of(trial.program, trial.params)
     blindness, reports = _Blindness(compiled), list[str]()
-    request = replace(trial.request, record=record)
-    report = run_in_building(compiled, described, request, _interface(blindness, reports.append))
+    spec = replace(trial.spec, record=record)
+    report = run_in_building(compiled, described, spec, _interface(blindness, reports.append))
     difference, audited = _audit(program, record) if trial.audited and record is not None else ("", 0)
-    return _result(trial, request, report, blindness.frames, reports, difference, audited)
+    return _result(trial, report, blindness.frames, reports, difference, audited)
 
 
 def _result(
     trial: Trial,
-    request: RunRequest,
     report: RunReport,
     blind: int,
     reports: list[str],
@@ -139,7 +137,7 @@ def _result(
     path = next(iter(report.paths.values()), ())
     return TrialResult(
         key=trial.key,
-        movers=request.movers,
+        movers=trial.spec.world.movers,
         params=dict(trial.drawn),
         frames=summary.frames,
         duration_s=summary.duration_s,

@@ -163,7 +163,7 @@ class Now(TypedNode):
 
 
 @record
-class Restarted(TypedNode):
+class RestartedFlag(TypedNode):
     """True in the first frame after the runtime lost the program's memory."""
 
 
@@ -260,7 +260,7 @@ class Window(TypedNode):
 
 
 @record
-class Call(TypedNode):
+class FunctionCall(TypedNode):
     """A pure function.
 
     For a `Slice` or `Window`, index functions give the index in the whole array; NaN if that is outside.
@@ -356,7 +356,7 @@ Expression = (
     | LoopIndex
     | LoopElement
     | Now
-    | Restarted
+    | RestartedFlag
     | Fresh
     | ValueOr
     | UnaryOperation
@@ -367,7 +367,7 @@ Expression = (
     | Nearest
     | Slice
     | Window
-    | Call
+    | FunctionCall
     | Reduce
     | MemoryCall
     | SentField
@@ -400,7 +400,7 @@ def children(node: Expression) -> tuple[Expression, ...]:
             return (a,)
         case Window(array=a, center=c):
             return (a, c)
-        case Call(arguments=arguments) | MemoryCall(arguments=arguments):
+        case FunctionCall(arguments=arguments) | MemoryCall(arguments=arguments):
             return arguments
         case Nearest(angle=a):
             return (a,)
@@ -440,7 +440,7 @@ def rebuilt(node: Expression, change: Callable[[Expression], Expression]) -> Exp
             return replace(node, array=change(a))
         case Window(array=a, center=c):
             return replace(node, array=change(a), center=change(c))
-        case Call(arguments=arguments) | MemoryCall(arguments=arguments):
+        case FunctionCall(arguments=arguments) | MemoryCall(arguments=arguments):
             return replace(node, arguments=tuple([change(a) for a in arguments]))
         case Reduce(body=b, condition=c, arrays=arrays):
             condition = None if c is None else change(c)

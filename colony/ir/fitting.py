@@ -15,9 +15,8 @@ from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
 from colony.ir.servers import RSERVER, SIDEWAYS_NAMES, CommandSpec, FieldSpec, ParameterSpec, ServerSpec
 from colony.ir.types import DIMENSIONLESS, Array, Bool, Enum, Quantity, Scalar, Type, type_text
 from colony.text.diagnostics import Diagnostic, error
-from colony.text.suggestions import did_you_mean
 from colony.text.units import NUMBER, readable_unit
-from colony.text.wording import duration_text, listed
+from colony.text.wording import did_you_mean, duration_text, listed
 
 
 def misfits(robot: Robot, servers: Sequence[ServerSpec]) -> Iterator[Diagnostic]:

@@ -255,7 +255,7 @@ Derived = Let | State | Machine
 
 
 @record
-class Command(Record):
+class TransferFunction(Record):
     """A transfer function: one expression for each field of `actuator`, in the order of its fields."""
 
     actuator: str
@@ -275,7 +275,7 @@ class Module(Declared):
     lets: tuple[Let, ...] = ()
     states: tuple[State, ...] = ()
     when: Expression
-    command: Command | None = None
+    command: TransferFunction | None = None
 
     @property
     def actuator(self) -> str | None:
@@ -375,7 +375,7 @@ class Contract(Declared):
     """A contract: it must be true in every frame in which nothing that it reads is missing.
 
     One that is `assumed` is about the world: proofs take it for granted, and it is watched in runs alone.
-    One `in_time` is about frames in which no client is late or lost (see `ir.in_time`). The contract of a
+    One `in_time` is about frames in which no client is late or lost (see `ir.walk`). The contract of a
     `reach` is that no run gets to where it leads, with every client in time: it is to be refuted.
     """
 
@@ -386,7 +386,7 @@ class Contract(Declared):
 
 
 @record
-class Given(Record):
+class GivenReading(Record):
     """A sensor's value in a test, from this step on, in base units; None for missing.
 
     `index` selects one element; without it a scalar fills an array. With `age_ns`, the reading was taken that
@@ -401,14 +401,14 @@ class Given(Record):
 
 
 @record
-class Step(Record):
+class ExampleStep(Record):
     """A step of a test: frames at `times_ns` (one for `at`, several for `from`), with `expectations`.
 
     `restarted` is the value of `restarted` in its first frame; it is true at most in the first step.
     """
 
     times_ns: tuple[int, ...]
-    given: tuple[Given, ...]
+    given: tuple[GivenReading, ...]
     expectations: tuple[Expression, ...]
     restarted: bool = False
     span: Span = field(default=NOWHERE, compare=False, repr=False)
@@ -418,7 +418,7 @@ class Step(Record):
 class Example(Declared):
     """A `test` block: `name` is its title."""
 
-    steps: tuple[Step, ...]
+    steps: tuple[ExampleStep, ...]
 
 
 @record

@@ -97,7 +97,7 @@ def profile(quality: str) -> Any:
     )
 
 
-class Output:
+class OutputTopic:
     """A topic that colony commands.
 
     The thread of the pipe publishes; the executor's thread creates the publisher and replaces it.
@@ -275,7 +275,7 @@ class Bridge:
         )
         self.pipe = pipe
         self.inputs: list[tuple[str, str]] = []  # settings, and why there is no subscription
-        self.outputs: list[Output] = []  # grows only
+        self.outputs: list[OutputTopic] = []  # grows only
         self.added: list[dict[str, Any]] = []
         self.defined = 0
         self.lock = threading.Lock()
@@ -369,7 +369,7 @@ class Bridge:
     def add(self, settings: dict[str, Any]) -> None:
         """Add topics."""
         for each in settings.get("out", ()):
-            self.outputs.append(Output(each))
+            self.outputs.append(OutputTopic(each))
         with self.lock:
             self.added += settings.get("in", ())
         self.news.trigger()

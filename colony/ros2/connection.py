@@ -18,11 +18,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from colony.backoff import Backoff
 from colony.ros2.cdr import Definition, MessageError, structure
 from colony.ros2.graph import heard_problems, sent_problems
-from colony.ros2.incoming import Arrived, Incoming, SimulatedClock
+from colony.ros2.incoming import ArrivedMessage, Incoming, SimulatedClock
 from colony.ros2.messages import STANDARD
-from colony.runtime.kit.background import next_pause_s
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
 
 BRIDGE = Path(__file__).with_name("bridge.py")
@@ -44,6 +44,13 @@ ANSWER_S = 0.5
 
 ASK_AGAIN_S = 0.5
 """Seconds after which a stop that was not published is sent again."""
+
+FIRST_PAUSE_S = 0.1
+LONGEST_PAUSE_S = 5.0
+"""Seconds before a bridge is started again: after the first failure, and at most."""
+
+STABLE_S = 5.0
+"""Seconds that a bridge has to work before its next failure counts as a first one."""
 
 WAKE_S = 0.05
 """Seconds between two checks of what is due."""
@@ -103,7 +110,7 @@ class NodeSettings:
         return {k: v for k, v in given.items() if not (is_other and k in _LEFT_OUT)}
 
 
-class Input:
+class HeardTopic:
     """A topic that is heard. Mutable: has what the bridge reports of it."""
 
     def __init__(self, incoming: Incoming, type_: str, quality: str) -> None:
@@ -120,7 +127,7 @@ class Input:
         return {"topic": self.incoming.topic, "type": self.type, "qos": self.quality}
 
 
-class Output:
+class CommandedTopic:
     """A topic that is commanded. Mutable: has what the bridge reports of it, and whether its stop arrived.
 
     Args:
@@ -171,7 +178,7 @@ class Output:
         return self._settings
 
 
-_connections: dict[tuple[NodeSettings, Callable[[str], None]], Connection] = {}
+_connections: dict[tuple[NodeSettings, Callable[[str], None]], Ros2Connection] = {}
 """The connections of this process, by node."""
 
 _connections_lock = threading.Lock()
@@ -182,13 +189,13 @@ def to_stderr(problem: str) -> None:
     print(problem, file=sys.stderr, flush=True)
 
 
-class Connection:
+class Ros2Connection:
     """A bridge, and its topics. Mutable; shared by its thread and those of servers."""
 
     def __init__(self, node: NodeSettings, report: Report) -> None:
         self._node, self._report = node, report
-        self._inputs: list[Input] = []  # both grow only
-        self._outputs: list[Output] = []
+        self._inputs: list[HeardTopic] = []  # both grow only
+        self._outputs: list[CommandedTopic] = []
         self._sent = (0, 0)  # the number of each that the bridge knows
         self._definitions: dict[str, Definition] = dict(STANDARD)
         self._lock = threading.Lock()
@@ -204,7 +211,7 @@ class Connection:
         self._thread = threading.Thread(target=self._run, name="ros2", daemon=True)
 
     @classmethod
-    def shared(cls, node: NodeSettings, report: Report = to_stderr) -> Connection:
+    def shared(cls, node: NodeSettings, report: Report = to_stderr) -> Ros2Connection:
         """Return the connection of this process for a node; each call is ended by `close`."""
         with _connections_lock:
             if (found := _connections.get((node, report))) is None:
@@ -215,14 +222,14 @@ class Connection:
 
     # --- called by drivers ---------------------------------------------------------------------------
 
-    def hear(self, topic: str, type_: str, *, quality: str = "best_effort", frame: str = "") -> Input:
+    def hear(self, topic: str, type_: str, *, quality: str = "best_effort", frame: str = "") -> HeardTopic:
         """Subscribe to a topic."""
-        found = Input(Incoming(topic, self._structure(type_), frame), type_, quality)
+        found = HeardTopic(Incoming(topic, self._structure(type_), frame), type_, quality)
         with self._lock:
             self._inputs.append(found)
         return found
 
-    def command(self, output: Output) -> Output:
+    def command(self, output: CommandedTopic) -> CommandedTopic:
         """Command a topic, and return it."""
         with self._lock:
             self._outputs.append(output)
@@ -249,7 +256,7 @@ class Connection:
         """True until the bridge knows the graph, unless something failed."""
         return self._problem is None and not self._is_settled
 
-    def decide(self, output: Output, payload: bytes) -> None:
+    def decide(self, output: CommandedTopic, payload: bytes) -> None:
         """Publish a command that was decided in this frame.
 
         Raises:
@@ -268,7 +275,7 @@ class Connection:
         except OSError as problem:
             raise ConnectionError(f"{output.topic} is not commanded: {problem}") from None
 
-    def stop(self, output: Output) -> None:
+    def stop(self, output: CommandedTopic) -> None:
         """Have the stop published; `unreached` of the output says what has become of it. Never raises."""
         with self._lock:
             self._numbers += 1
@@ -276,7 +283,7 @@ class Connection:
             output.unreached = f"{output.topic}: the bridge has not published it"
         self._ask(output)
 
-    def unreached(self, output: Output) -> str | None:
+    def unreached(self, output: CommandedTopic) -> str | None:
         """Return why the last stop was not published, or not yet; None if it was."""
         why = output.unreached
         return why if why is None else self._problem or why
@@ -294,7 +301,7 @@ class Connection:
 
     # --- stops ---------------------------------------------------------------------------------------
 
-    def _ask(self, output: Output) -> None:
+    def _ask(self, output: CommandedTopic) -> None:
         """Send the stop of an output, if the bridge knows it."""
         connection, channel = self._socket, self._outputs.index(output)
         if connection is None or not self._is_up or channel >= self._sent[1]:
@@ -327,15 +334,16 @@ class Connection:
     # --- the thread ----------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        pause_s = 0.0
+        backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
         while not self._closed.is_set():
             began_s = time.monotonic()
             try:
                 self._serve()
             except Exception as problem:
                 self._lose(problem)
-            pause_s = next_pause_s(pause_s, time.monotonic() - began_s)
-            self._closed.wait(pause_s)
+            if time.monotonic() - began_s >= STABLE_S:
+                backoff.reset()
+            self._closed.wait(backoff.next())
 
     def _serve(self) -> None:
         """Start a bridge and take what it sends, until it ends, which raises, or the connection is closed."""
@@ -412,7 +420,7 @@ class Connection:
         if kind == b"m":
             _, channel, t_ns, ros_ns = _MESSAGE.unpack_from(packet)
             self._clock.note(t_ns, ros_ns)
-            self._inputs[channel].incoming.put(Arrived(t_ns, ros_ns, packet[_MESSAGE.size :]))
+            self._inputs[channel].incoming.put(ArrivedMessage(t_ns, ros_ns, packet[_MESSAGE.size :]))
         elif kind == b"a":
             self._answered(_ANSWER.unpack_from(packet)[1], packet[_ANSWER.size :].decode(errors="replace"))
         elif kind == b"j":

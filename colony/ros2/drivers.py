@@ -16,7 +16,7 @@ from typing import Any
 
 from colony.ir.types import ScalarValue, Value
 from colony.ros2.cdr import Structure, encode
-from colony.ros2.connection import Connection, Input, NodeSettings, Output
+from colony.ros2.connection import CommandedTopic, HeardTopic, NodeSettings, Ros2Connection
 from colony.ros2.incoming import Message, part
 from colony.ros2.messages import LASER_SCAN, RANGE, TWIST, TWIST_STAMPED
 from colony.ros2.scan import Mounting, ScanReader, UnusableError, distance
@@ -43,14 +43,14 @@ _DRIVE = {"velocity": "linear.x", "sideways": "linear.y", "turn": "angular.z"}
 class _Driver:
     """What the drivers of a robot have in common: one connection, and its problems. Mutable."""
 
-    def __init__(self, node: str, frame_ns: int, connection: Connection | None) -> None:
+    def __init__(self, node: str, frame_ns: int, connection: Ros2Connection | None) -> None:
         settings = NodeSettings(**json.loads(node))
-        self._connection = connection or Connection.shared(settings)
+        self._connection = connection or Ros2Connection.shared(settings)
         self._frame_ns = frame_ns
-        self._inputs: dict[str, Input] = {}
-        self._outputs: dict[str, Output] = {}
+        self._inputs: dict[str, HeardTopic] = {}
+        self._outputs: dict[str, CommandedTopic] = {}
 
-    def _hear(self, name: str, topic: Mapping[str, Any]) -> Input:
+    def _hear(self, name: str, topic: Mapping[str, Any]) -> HeardTopic:
         """Subscribe to the topic of a field."""
         found = self._connection.hear(
             topic["topic"],
@@ -64,7 +64,7 @@ class _Driver:
     def _command(self, name: str, topic: Mapping[str, Any]) -> None:
         """Command the topic of a command."""
         timeout_ns = topic.get("timeout_ns") or max(TIMEOUT_NS, TIMEOUT_FRAMES * self._frame_ns)
-        found = Output(
+        found = CommandedTopic(
             topic["topic"],
             topic["type"],
             timeout_ns=timeout_ns,
@@ -80,7 +80,7 @@ class _Driver:
         """What is wrong with the bridge, or with the topics of this server; None if all works."""
         if (why := self._connection.problem) is not None:
             return why
-        ends: list[Input | Output] = [*self._inputs.values(), *self._outputs.values()]
+        ends: list[HeardTopic | CommandedTopic] = [*self._inputs.values(), *self._outputs.values()]
         return "; ".join(dict.fromkeys(why for end in ends if (why := end.problem) is not None)) or None
 
     @property
@@ -127,7 +127,7 @@ class Ros2Base(_Driver):
         topics: str,
         *,
         frame_ns: int = DEFAULT_FRAME_NS,
-        connection: Connection | None = None,
+        connection: Ros2Connection | None = None,
     ) -> None:
         super().__init__(node, frame_ns, connection)
         given = json.loads(topics)
@@ -202,7 +202,7 @@ class Ros2Device(_Driver):
         topics: str,
         *,
         frame_ns: int = DEFAULT_FRAME_NS,
-        connection: Connection | None = None,
+        connection: Ros2Connection | None = None,
     ) -> None:
         super().__init__(node, frame_ns, connection)
         given = json.loads(topics)
@@ -236,7 +236,7 @@ class Ros2Device(_Driver):
 class _Field:
     """A field that a topic has. Mutable: its value of the newest message."""
 
-    def __init__(self, topic: Mapping[str, Any], found: Input) -> None:
+    def __init__(self, topic: Mapping[str, Any], found: HeardTopic) -> None:
         self._incoming, self._type = found.incoming, topic["type"]
         self._path: str = topic.get("path") or DEFAULT_PATHS.get(self._type, "data")
         self._members: Mapping[str, float] | None = topic.get("members")

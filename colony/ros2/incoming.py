@@ -25,7 +25,7 @@ PAUSED_NS = 500_000_000
 """Time in ns for which a simulated clock may stand still."""
 
 
-class Arrived(NamedTuple):
+class ArrivedMessage(NamedTuple):
     """A message that arrived at `t_ns` of `time.monotonic_ns`, when the time of ROS was `ros_ns`."""
 
     t_ns: int
@@ -40,7 +40,7 @@ class Message(NamedTuple):
     t_ns: int
 
 
-def measured_ns(arrived: Arrived, stamp_ns: int) -> int:
+def measured_ns(arrived: ArrivedMessage, stamp_ns: int) -> int:
     """Return when a message that arrived was measured, by `time.monotonic_ns`.
 
     Raises:
@@ -91,11 +91,11 @@ class Incoming:
         self.fault: str | None = None
         """Why the newest message is unusable; None if it is not."""
         self._lock = threading.Lock()
-        self._arrived: Arrived | None = None
-        self._read: Arrived | None = None
+        self._arrived: ArrivedMessage | None = None
+        self._read: ArrivedMessage | None = None
         self._message: Message | None = None
 
-    def put(self, arrived: Arrived | None) -> None:
+    def put(self, arrived: ArrivedMessage | None) -> None:
         """Take the newest message; None if there is none any more."""
         with self._lock:
             self._arrived = arrived
@@ -117,7 +117,7 @@ class Incoming:
         """Discard the newest message, and note why."""
         self._message, self.fault = None, f"{self.topic}: {problem}"
 
-    def _decoded(self, arrived: Arrived, kind: Structure) -> Message:
+    def _decoded(self, arrived: ArrivedMessage, kind: Structure) -> Message:
         values = decode(kind, arrived.data)
         header = values.get("header")
         if not isinstance(header, Mapping) or "stamp" not in header:

@@ -9,7 +9,7 @@ import os
 from enum import Enum, unique
 from pathlib import Path
 
-from colony.text.suggestions import did_you_mean
+from colony.text.wording import did_you_mean
 
 _HERE = Path(__file__).parent
 _FOLDER = _HERE if (_HERE / "behaviors").is_dir() else _HERE.parents[1]

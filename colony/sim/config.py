@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache
 
-from colony.body.devices import Base, Pose
-from colony.body.model import Body, Drive, Faults, Omnidirectional, Rolling, radius_mm, rolling_at
+from colony.body.devices import BaseSpec, MountPose
+from colony.body.model import Body, DeviceFaults, Drive, Omnidirectional, Rolling, radius_mm, rolling_at
 from colony.body.shipped import ROME, shipped_body
 from colony.ir.servers import RSERVER
 from colony.runtime.servers.drivers import BaseLimits
@@ -50,7 +50,7 @@ class RingConfig:
     infrared_wired: tuple[int, ...]
     sonar_period_ns: int | None
     infrared_period_ns: int | None
-    faults: Faults | None
+    faults: DeviceFaults | None
 
     def __post_init__(self) -> None:
         """Check the ranges of the parameters."""
@@ -109,7 +109,7 @@ class RobotConfig:
     command_delay_ns: int
     reading_delay_ns: int
     base_period_ns: int | None
-    base_faults: Faults | None
+    base_faults: DeviceFaults | None
     ring: RingConfig | None
     omni_wheels: tuple[Rolling, ...]
     max_sideways_mm_s: float
@@ -199,7 +199,9 @@ def config_of(body: Body) -> RobotConfig:
         command_delay_ns=round(delays.command_s * 1e9),
         reading_delay_ns=round(delays.reading_s * 1e9),
         base_period_ns=_base_period_ns(body),
-        base_faults=next((s.faults for s in body.servers.values() if isinstance(s.simulated, Base)), None),
+        base_faults=next(
+            (s.faults for s in body.servers.values() if isinstance(s.simulated, BaseSpec)), None
+        ),
         ring=_ring_of(body) if body.has_ring() else None,
         omni_wheels=_omni_wheels(drive, radius_mm(body)),
         max_sideways_mm_s=body.chassis.sideways_mm_s,
@@ -214,7 +216,7 @@ def _omni_wheels(drive: Drive, radius_mm: float) -> tuple[Rolling, ...]:
     """
     if not isinstance(drive, Omnidirectional):
         return ()
-    edge = (Pose(radius_mm * cos, radius_mm * sin, direction) for cos, sin, direction in _TRIANGLE)
+    edge = (MountPose(radius_mm * cos, radius_mm * sin, direction) for cos, sin, direction in _TRIANGLE)
     return drive.rolling or tuple(map(rolling_at, edge))
 
 
@@ -223,7 +225,7 @@ _TRIANGLE = ((0.5, math.sqrt(0.75), 150.0), (-1.0, 0.0, -90.0), (0.5, -math.sqrt
 
 def _base_period_ns(body: Body) -> int | None:
     """Return the period of the base, whose fields are measured together: the shortest of their periods."""
-    base = next((server for server in body.servers.values() if isinstance(server.simulated, Base)), None)
+    base = next((server for server in body.servers.values() if isinstance(server.simulated, BaseSpec)), None)
     periods_ns = [] if base is None else [base.period_ns(field.name) for field in RSERVER.fields]
     known_ns = [period_ns for period_ns in periods_ns if period_ns is not None]
     return min(known_ns) if known_ns and len(known_ns) == len(periods_ns) else None

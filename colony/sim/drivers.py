@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
-from colony.body.devices import Base, Proximity
+from colony.body.devices import BaseSpec, Proximity
 from colony.body.model import Body
 from colony.body.servers import servers_of
 from colony.body.shipped import ROME, shipped_body
@@ -22,7 +22,7 @@ from colony.sim.compiled import Bytes2
 from colony.sim.config import limits_of
 from colony.sim.devices import SimulatedDevice, devices_of
 from colony.sim.devices.base import BaseSensors, RingSensors
-from colony.sim.given import Given, nothing_given
+from colony.sim.mechanism import Given, nothing_given
 from colony.sim.physics import Physics
 from colony.sim.timeline import MAX_STEP_S
 
@@ -220,7 +220,7 @@ def simulated_drivers(
     devices = devices_of(body, servers, plant.world, robot, seed=seed, given=given)
     return Drivers(
         servers=servers,
-        base=SimulatedBase(plant, robot) if Base in described else None,
+        base=SimulatedBase(plant, robot) if BaseSpec in described else None,
         proximity=SimulatedProximity(plant, robot) if Proximity in described else None,
         cameras=cameras or {},
         devices={name: SimulatedDriver(plant, device) for name, device in devices.items()},

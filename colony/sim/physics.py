@@ -17,7 +17,7 @@ from colony.ir.servers import ServerSpec
 from colony.nav.maps.stickrep.model import Pose
 from colony.sim.config import RobotConfig
 from colony.sim.mechanism import Mechanism
-from colony.sim.world.world import Bumper, Situation, Speed
+from colony.sim.world.world import PressedBumpers, Situation, Speed
 
 T = TypeVar("T")
 
@@ -79,7 +79,7 @@ class Physics(Protocol):
         """Return the number of a robot's collisions so far; a contact that lasts counts once."""
         ...
 
-    def bumper(self, robot: int) -> Bumper:
+    def bumper(self, robot: int) -> PressedBumpers:
         """Return the bumpers of a robot."""
         ...
 

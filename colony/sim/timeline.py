@@ -22,7 +22,7 @@ class _Command(NamedTuple):
     carry_out: Callable[[], None]
 
 
-class Timeline:
+class StepTimeline:
     """The time of a physics, without a clock. Stateful: the time, and the commands that are underway.
 
     Args:

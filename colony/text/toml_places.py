@@ -47,7 +47,7 @@ class Extent(NamedTuple):
     end: int
 
 
-class Place(NamedTuple):
+class KeyPlace(NamedTuple):
     """The place of a key with all its parts, and that of its value; a table's value is its key."""
 
     key: Extent
@@ -55,7 +55,7 @@ class Place(NamedTuple):
     is_table: bool = False
 
 
-Entries = Generator[tuple[Path, Place], None, int]
+Entries = Generator[tuple[Path, KeyPlace], None, int]
 """Keys with their places; the result is the offset after them."""
 
 
@@ -63,7 +63,7 @@ class _UnknownSyntaxError(Exception):
     """The text is not as the scanner expects it."""
 
 
-def places(text: str) -> dict[Path, Place]:
+def places(text: str) -> dict[Path, KeyPlace]:
     """Return the place of each key of a valid TOML text that has a value other than a table.
 
     An array of tables is one value, whose place is its first header.
@@ -71,9 +71,9 @@ def places(text: str) -> dict[Path, Place]:
     return {path: place for path, place in all_places(text).items() if not place.is_table}
 
 
-def all_places(text: str) -> dict[Path, Place]:
+def all_places(text: str) -> dict[Path, KeyPlace]:
     """Return the places as `places` does, and also that of each table with a header or in braces."""
-    found: dict[Path, Place] = {}
+    found: dict[Path, KeyPlace] = {}
     try:
         for path, place in _statements(text):
             found.setdefault(path, place)
@@ -82,7 +82,7 @@ def all_places(text: str) -> dict[Path, Place]:
     return found
 
 
-def _statements(text: str) -> Iterator[tuple[Path, Place]]:
+def _statements(text: str) -> Iterator[tuple[Path, KeyPlace]]:
     table: Path = ()
     at = _after(_BLANK, text, 0)
     while at < len(text):
@@ -90,7 +90,7 @@ def _statements(text: str) -> Iterator[tuple[Path, Place]]:
             is_array = text.startswith("[[", at)
             path, key = _key(text, at + 1 + is_array)
             table = path
-            yield path, Place(key, key, is_table=not is_array)
+            yield path, KeyPlace(key, key, is_table=not is_array)
             at = _expect(text, "]]" if is_array else "]", _after(_SPACE, text, key.end))
         else:
             at = yield from _pair(text, at, table)
@@ -103,10 +103,10 @@ def _pair(text: str, at: int, table: Path) -> Entries:
     at = _after(_SPACE, text, _expect(text, "=", _after(_SPACE, text, key.end)))
     path = (*table, *path)
     if text.startswith("{", at):
-        yield path, Place(key, key, is_table=True)
+        yield path, KeyPlace(key, key, is_table=True)
         return (yield from _inline_table(text, at, path))
     end = _value(text, at)
-    yield path, Place(key, Extent(at, end))
+    yield path, KeyPlace(key, Extent(at, end))
     return end
 
 

@@ -2,12 +2,38 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from functools import reduce
 
 from colony.ir import expression as ir
-from colony.ir.expression import Binary
+from colony.ir.expression import Binary, Expression
 from colony.ir.types import BOOL, Scalar, ScalarValue
+from colony.text.wording import one_line
+
+# --- source text ---------------------------------------------------------------------------------------
+#
+# The source text of expressions.
+
+
+_COMMENT = re.compile(r"#[^\r\n]*")
+
+
+def source_text(expression: Expression) -> str:
+    """Return the text of an expression on one line, without comments.
+
+    The span of `a and (b)` ends with `b`: parentheses cut off at either end are put back.
+    """
+    text = one_line(_COMMENT.sub("", expression.span.text))
+    depth = deepest = 0
+    for c in text:
+        depth += (c == "(") - (c == ")")
+        deepest = min(deepest, depth)
+    return "(" * -deepest + text + ")" * (depth - deepest)
+
+
+# --- claims --------------------------------------------------------------------------------------------
+
 
 FALSE = ir.Constant(type=BOOL, value=False)
 TRUE = ir.Constant(type=BOOL, value=True)

@@ -25,7 +25,7 @@ from matplotlib.path import Path as Outline
 from matplotlib.transforms import Affine2D
 from numpy.typing import NDArray
 
-from colony.nav.maps.grid.model import Cell, Grid
+from colony.nav.maps.grid.model import Grid, GridCell
 from colony.nav.maps.stickrep.geometry import Point, corners, link_endpoints, shared_lights
 from colony.nav.maps.stickrep.model import EdgeKind, Map, Pose
 from colony.nav.maps.walls import Walls, lights_of, walls_of
@@ -42,7 +42,7 @@ from colony.view.sheet import (
     MUTED,
     WEIGHTS,
     Box,
-    Name,
+    PlacedName,
     Rank,
     Sheet,
     draw_docks,
@@ -112,7 +112,7 @@ def draw_map(
     return figure
 
 
-def _sheet_for(map_: Map, walls: Walls) -> tuple[Sheet, tuple[Name, ...]]:
+def _sheet_for(map_: Map, walls: Walls) -> tuple[Sheet, tuple[PlacedName, ...]]:
     """Return the sheet for a map, and the placed names on it."""
     low_x, low_y, high_x, high_y = walls.bounds
     scale = mm_per_point(high_x - low_x, high_y - low_y)
@@ -172,7 +172,7 @@ def _draw_edges(axes: Axes, walls: Walls) -> None:
 _NAME_COLORS: dict[Rank, str] = {"elevator": _ELEVATOR, "door": MUTED, "corner": INK}
 
 
-def _draw_names(axes: Axes, names: Sequence[Name]) -> None:
+def _draw_names(axes: Axes, names: Sequence[PlacedName]) -> None:
     """Draw the names of corners, doors and elevators behind their walls."""
     for name in names:
         axes.text(
@@ -211,7 +211,7 @@ def _draw_links(axes: Axes, map_: Map) -> None:
 #
 # Pictures of occupancy grids: the cells, the walls around them, and the paths of robots.
 
-_COLORS = {Cell.FREE: FLOOR, Cell.OCCUPIED: MUTED, Cell.UNKNOWN: FAINT}
+_COLORS = {GridCell.FREE: FLOOR, GridCell.OCCUPIED: MUTED, GridCell.UNKNOWN: FAINT}
 
 
 def draw_grid(
@@ -245,7 +245,8 @@ def draw_grid(
     figure, axes = new_figure()
     place = Affine2D().scale(grid.cell_mm).rotate_deg(grid.yaw_deg).translate(grid.x_mm, grid.y_mm)
     axes.imshow(
-        grid.cells, cmap=ListedColormap([_COLORS[state] for state in Cell]), vmin=0, vmax=len(Cell) - 1,
+        grid.cells, cmap=ListedColormap([_COLORS[state] for state in GridCell]), vmin=0,
+        vmax=len(GridCell) - 1,
         origin="lower", extent=(0, columns, 0, rows), interpolation="nearest", aspect="auto", zorder=1,
         transform=place + axes.transData,
     )  # fmt: skip
@@ -253,7 +254,7 @@ def draw_grid(
     if len(world.walls):
         segments = list(world.walls.reshape(-1, 2, 2))
         axes.add_collection(LineCollection(segments, colors=INK, linewidths=0.9, label="wall", zorder=2))
-    for state, name in ((Cell.OCCUPIED, "occupied"), (Cell.UNKNOWN, "unknown")):
+    for state, name in ((GridCell.OCCUPIED, "occupied"), (GridCell.UNKNOWN, "unknown")):
         axes.plot([], [], "s", color=_COLORS[state], markersize=8, markeredgecolor=MUTED, label=name)
     draw_docks(axes, world.docks)
     draw_people(axes, people)

@@ -20,7 +20,7 @@ _SMALLEST = 1e-290
 """Least span of a scale; below it, quotients of floats lose their precision."""
 
 
-class Point(NamedTuple):
+class PicturePoint(NamedTuple):
     """A point in the picture: x to the right, y up, in radii of the outermost ring."""
 
     x: float
@@ -44,18 +44,18 @@ class Sector(NamedTuple):
         return (self.start + self.end) / 2
 
 
-def point(bearing: float, radius: float) -> Point:
+def point(bearing: float, radius: float) -> PicturePoint:
     """Return the point at a bearing in degrees and a radius."""
     angle = math.radians(bearing)
-    return Point(-radius * math.sin(angle), radius * math.cos(angle))
+    return PicturePoint(-radius * math.sin(angle), radius * math.cos(angle))
 
 
-def outline(sector: Sector, inner: float, outer: float) -> list[Point]:
+def outline(sector: Sector, inner: float, outer: float) -> list[PicturePoint]:
     """Return the corners of a sector between two radii, counterclockwise; with `inner` 0 it has a tip."""
     steps = max(1, math.ceil(sector.width / _ARC_STEP_DEG))
     bearings = [sector.start + sector.width * i / steps for i in range(steps + 1)]
     if inner <= 0.0:
-        return [Point(0.0, 0.0), *(point(b, outer) for b in bearings)]
+        return [PicturePoint(0.0, 0.0), *(point(b, outer) for b in bearings)]
     return [*(point(b, outer) for b in bearings), *(point(b, inner) for b in reversed(bearings))]
 
 
@@ -96,19 +96,19 @@ def blind_sector(bearings: Bearings) -> Sector | None:
     return Sector(last + edge, last + gap - edge) if gap > 2 * edge else None
 
 
-class Layer(NamedTuple):
+class RadialPlace(NamedTuple):
     """The place of an element among the `total` elements along one bearing, from the robot outward."""
 
     number: int
     total: int
 
 
-def layers(bearings: Bearings) -> tuple[Layer, ...]:
+def layers(bearings: Bearings) -> tuple[RadialPlace, ...]:
     """Return the place of each element among those along its bearing, in the order of their indices."""
     counts, before = Counter(bearings.angles), Counter[float]()
     placed = []
     for angle in bearings.angles:
-        placed.append(Layer(before[angle], counts[angle]))
+        placed.append(RadialPlace(before[angle], counts[angle]))
         before[angle] += 1
     return tuple(placed)
 
@@ -116,7 +116,7 @@ def layers(bearings: Bearings) -> tuple[Layer, ...]:
 # --- scales --------------------------------------------------------------------------------------
 
 
-class Scale(NamedTuple):
+class RadialScale(NamedTuple):
     """A linear scale: `low` at the center, `high` at the outermost ring, and the values of all rings."""
 
     low: float
@@ -129,7 +129,7 @@ class Scale(NamedTuple):
         return min(max((value / 2 - self.low / 2) / span, 0.0), 1.0)
 
 
-def scale_of(values: Iterable[float], *, otherwise: float = 1.0) -> Scale:
+def scale_of(values: Iterable[float], *, otherwise: float = 1.0) -> RadialScale:
     """Return a scale with 2 to 5 round rings that covers 0 and the finite values.
 
     `otherwise` is the value to be covered if there is none but 0.
@@ -144,7 +144,7 @@ def scale_of(values: Iterable[float], *, otherwise: float = 1.0) -> Scale:
         step = _round_step(step * 1.01)
         first, last = math.floor(low / step), math.ceil(high / step)
     rings = [_product(step, k) for k in range(first, last + 1)]
-    return Scale(rings[0], rings[-1], tuple(rings[1:]))
+    return RadialScale(rings[0], rings[-1], tuple(rings[1:]))
 
 
 def _round_step(least: float) -> float:

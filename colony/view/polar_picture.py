@@ -23,7 +23,7 @@ from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program, Sensor
 from colony.ir.types import DISTANCE, Array, Bool, Enum, Quantity, bearings_of
 from colony.view.polar import (
-    Scale,
+    RadialScale,
     Sector,
     blind_sector,
     label_bearing,
@@ -54,12 +54,12 @@ class Ranges:
     values: tuple[float, ...]
     marks: tuple[Mark, ...]
     unit: str
-    scale: Scale
+    scale: RadialScale
     limit: float | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class States:
+class DiscreteValues:
     """Bools or enumerators: the index in `names` of each element, None for an invalid one."""
 
     states: tuple[int | None, ...]
@@ -72,12 +72,12 @@ class Panel:
 
     name: str
     bearings: Bearings
-    content: Ranges | States | None
+    content: Ranges | DiscreteValues | None
     notes: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class PolarScene:
     """A frame: a panel for each array with bearings, and lines about decisions."""
 
     title: str
@@ -92,7 +92,7 @@ def arrays_with_bearings(program: Program) -> tuple[Sensor, ...]:
 
 def scene_of(
     program: Program, title: str, frame: Frame, read: Collection[str], lines: Sequence[str]
-) -> Scene:
+) -> PolarScene:
     """Return the scene of a frame.
 
     Args:
@@ -103,7 +103,7 @@ def scene_of(
         lines: Lines about the decisions.
     """
     panels = (_panel(s, frame.readings.get(s.name), s.name in read) for s in arrays_with_bearings(program))
-    return Scene(title=title, panels=tuple(panels), lines=tuple(lines))
+    return PolarScene(title=title, panels=tuple(panels), lines=tuple(lines))
 
 
 def _panel(sensor: Sensor, reading: Reading, is_read: bool) -> Panel:
@@ -139,17 +139,17 @@ def _degrees(angle: float) -> str:
 # --- content ---------------------------------------------------------------------------------------
 
 
-def _content(sensor: Sensor, type_: Array, reading: Reading) -> Ranges | States | None:
+def _content(sensor: Sensor, type_: Array, reading: Reading) -> Ranges | DiscreteValues | None:
     if not isinstance(reading, Sequence) or isinstance(reading, str) or len(reading) != type_.size:
         return None
     match type_.element:
         case Bool():
             states = tuple(int(x) if isinstance(x, bool) else None for x in reading)
-            return States(states=states, names=("false", "true"))
+            return DiscreteValues(states=states, names=("false", "true"))
         case Enum(members=members):
             numbers = [n for _, n in members]
             indices = (numbers.index(x) if x in numbers else None for x in map(_number, reading))
-            return States(states=tuple(indices), names=tuple(name for name, _ in members))
+            return DiscreteValues(states=tuple(indices), names=tuple(name for name, _ in members))
         case Quantity():
             return _ranges(sensor, [_number(x) for x in reading])
         case _:
@@ -196,7 +196,7 @@ def _mark(value: float, limit: float | None, is_length: bool) -> Mark:
 # --- summaries -----------------------------------------------------------------------------------
 
 
-def _summary(bearings: Bearings, content: Ranges | States) -> list[str]:
+def _summary(bearings: Bearings, content: Ranges | DiscreteValues) -> list[str]:
     match content:
         case Ranges(values=values, marks=marks, unit=unit):
             is_length = unit == "m"
@@ -207,11 +207,11 @@ def _summary(bearings: Bearings, content: Ranges | States) -> list[str]:
             word, choose = ("nearest", min) if is_length else ("highest", max)
             i = choose(seen, key=lambda k: values[k])
             return [f"{word} {quantity(values[i], unit)} at {index_text(bearings, i)}"]
-        case States(states=states, names=("false", "true")):
+        case DiscreteValues(states=states, names=("false", "true")):
             places = [index_text(bearings, i) for i, state in enumerate(states) if state]
             more = f" and {len(places) - _MAX_NAMED} more" if len(places) > _MAX_NAMED else ""
             return [f"true at {', '.join(places[:_MAX_NAMED])}{more}" if places else "true nowhere"]
-        case States():
+        case DiscreteValues():
             return []
         case _:
             assert_never(content)
@@ -244,7 +244,7 @@ _STATE_COLORS = (FLOOR, GOOD)
 _ENUM_COLORS = ("#f5dd93", *SERIES)
 
 
-def draw_scene(scene: Scene) -> Figure:
+def draw_scene(scene: PolarScene) -> Figure:
     """Draw a frame: a panel for each array with bearings, and the decisions below them."""
     columns = min(len(scene.panels), _COLUMNS)
     rows = math.ceil(len(scene.panels) / columns)
@@ -306,7 +306,7 @@ def _draw_panel(axes: Axes, panel: Panel) -> None:
             _draw_missing(axes, panel.bearings)
         case Ranges():
             _draw_ranges(axes, panel.bearings, panel.content, blind)
-        case States():
+        case DiscreteValues():
             _draw_states(axes, panel.bearings, panel.content)
         case _:
             assert_never(panel.content)
@@ -429,7 +429,7 @@ def _draw_rings(axes: Axes, ranges: Ranges, bearing: float) -> None:
 # --- bools and enumerators -------------------------------------------------------------------------
 
 
-def _draw_states(axes: Axes, bearings: Bearings, content: States) -> None:
+def _draw_states(axes: Axes, bearings: Bearings, content: DiscreteValues) -> None:
     colors = _STATE_COLORS if content.names == ("false", "true") else _ENUM_COLORS
     places, fills = [], []
     for sector, layer, state in zip(sectors(bearings), layers(bearings), content.states, strict=True):

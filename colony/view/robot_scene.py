@@ -7,24 +7,24 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from colony.body.devices import (
-    Bumper,
-    Camera,
-    CeilingCamera,
-    Cliff,
+    BumperSpec,
+    CameraSpec,
+    CeilingCameraSpec,
+    CliffSpec,
     Device,
     Directed,
-    DockSensor,
-    Lidar,
-    Place,
-    Pose,
+    DockSensorSpec,
+    LidarSpec,
+    MountPoint,
+    MountPose,
     Proximity,
     RangeFinder,
 )
-from colony.body.model import Body, Circle, Drive, Field, Omnidirectional, Polygon, radius_mm
+from colony.body.model import Body, Circle, Drive, FieldTable, Omnidirectional, Polygon, radius_mm
 from colony.ir.bearings import Bearings, between, sweep
 from colony.ir.program import Robot, Sensor
 from colony.ir.types import Array, bearings_of
-from colony.view.polar import Point, Sector, outline, point, sectors
+from colony.view.polar import PicturePoint, Sector, outline, point, sectors
 
 WIDEST_BEAM_DEG = 15.0
 """The largest width of an element whose device does not say how wide it is."""
@@ -43,15 +43,15 @@ class Beam:
         reach_mm: how far it reaches from there; None for as far as the picture, 0 for one that looks down.
     """
 
-    origin: Point
+    origin: PicturePoint
     sector: Sector
     reach_mm: float | None
 
-    def outline(self, farthest_mm: float) -> list[Point]:
+    def outline(self, farthest_mm: float) -> list[PicturePoint]:
         """Return the corners, in mm; one that reaches as far as the picture ends at `farthest_mm`."""
         reach = farthest_mm if self.reach_mm is None else min(self.reach_mm, farthest_mm)
         return [
-            Point(self.origin.x + corner.x, self.origin.y + corner.y)
+            PicturePoint(self.origin.x + corner.x, self.origin.y + corner.y)
             for corner in outline(self.sector, 0.0, reach)
         ]
 
@@ -68,7 +68,7 @@ class SensorView:
 class Wheel(NamedTuple):
     """A driven wheel: its place in mm, and the bearing in degrees along which it rolls."""
 
-    place: Point
+    place: PicturePoint
     bearing_deg: float
 
 
@@ -86,7 +86,7 @@ class RobotScene:
     """
 
     title: str
-    footprint: tuple[Point, ...]
+    footprint: tuple[PicturePoint, ...]
     radius_mm: float
     wheels: tuple[Wheel, ...]
     sensors: tuple[SensorView, ...]
@@ -117,17 +117,17 @@ def _wheels(drive: Drive) -> Iterator[Wheel]:
     if drive.wheel_base_mm is not None and wheel_distance is not None:
         for y in dict.fromkeys((wheel_distance / 2.0, -wheel_distance / 2.0)):
             for x in (-drive.wheel_base_mm / 2.0, drive.wheel_base_mm / 2.0):
-                yield Wheel(Point(x, y), 0.0)
+                yield Wheel(PicturePoint(x, y), 0.0)
     for wheel in drive.wheels if isinstance(drive, Omnidirectional) else ():
-        yield Wheel(Point(-wheel.y_mm, wheel.x_mm), wheel.bearing_deg)
+        yield Wheel(PicturePoint(-wheel.y_mm, wheel.x_mm), wheel.bearing_deg)
 
 
-def _footprint(body: Body) -> tuple[Point, ...]:
+def _footprint(body: Body) -> tuple[PicturePoint, ...]:
     match body.chassis.footprint:
         case Circle(radius_mm=radius):
             return tuple(point(bearing, radius) for bearing in range(0, 360, 5))
         case Polygon(corners=corners):
-            return tuple(Point(-corner.y_mm, corner.x_mm) for corner in corners)
+            return tuple(PicturePoint(-corner.y_mm, corner.x_mm) for corner in corners)
 
 
 def _sensors(robot: Robot, body: Body) -> Iterator[SensorView]:
@@ -139,11 +139,11 @@ def _sensors(robot: Robot, body: Body) -> Iterator[SensorView]:
         device = server.simulated
         if device is not None and sensor.field not in {f.name for f in device.fields}:
             device = None
-        if isinstance(device, Cliff):
+        if isinstance(device, CliffSpec):
             down = tuple(Beam(origin=_place(p), sector=Sector(0.0, 0.0), reach_mm=0.0) for p in device.places)
             yield SensorView(name=sensor.name, note=f"{len(down)} elements, downward", beams=down)
             continue
-        if isinstance(device, Bumper):
+        if isinstance(device, BumperSpec):
             felt = tuple(_felt(device, radius_mm(body)))
             yield SensorView(name=sensor.name, note=f"{len(felt)} sectors", beams=felt)
             continue
@@ -158,18 +158,20 @@ def _sensors(robot: Robot, body: Body) -> Iterator[SensorView]:
         yield SensorView(name=sensor.name, note=note, beams=beams)
 
 
-def _felt(bumper: Bumper, radius: float) -> Iterator[Beam]:
+def _felt(bumper: BumperSpec, radius: float) -> Iterator[Beam]:
     """Yield the sectors of a bumper, which stand out of the hull a little."""
     for first, last in bumper.sectors:
         sector = Sector(first, first + float(sweep(first, last)))
-        yield Beam(origin=Point(0.0, 0.0), sector=sector, reach_mm=BUMPER_REACH * radius)
+        yield Beam(origin=PicturePoint(0.0, 0.0), sector=sector, reach_mm=BUMPER_REACH * radius)
 
 
 def _bearings(device: Device | None) -> Bearings | None:
     return device.bearings() if isinstance(device, Directed) else None
 
 
-def _beams(sensor: Sensor, device: Device | None, bearings: Bearings, field: Field | None) -> Iterator[Beam]:
+def _beams(
+    sensor: Sensor, device: Device | None, bearings: Bearings, field: FieldTable | None
+) -> Iterator[Beam]:
     """Yield the elements that the robot's body does not block."""
     blocked = {
         i for low, high in (() if field is None else field.blocked) for i in between(bearings, low, high)
@@ -190,18 +192,18 @@ def _beams(sensor: Sensor, device: Device | None, bearings: Bearings, field: Fie
                 if device.infrared.wired is None or i in device.infrared.wired:
                     where = point(angle, device.ring_mm)
                     yield Beam(origin=where, sector=Sector(angle, angle), reach_mm=device.infrared.range_mm)
-            case Lidar():
+            case LidarSpec():
                 yield Beam(origin=_place(device.pose), sector=wedges[i], reach_mm=device.range_mm)
             case RangeFinder(poses=poses, half_beam_deg=half):
                 cone = Sector(angle - half, angle + half)
                 yield Beam(origin=_place(poses[i]), sector=cone, reach_mm=device.range_mm)
             case _:
-                yield Beam(origin=Point(0.0, 0.0), sector=wedges[i], reach_mm=sensor.high)
+                yield Beam(origin=PicturePoint(0.0, 0.0), sector=wedges[i], reach_mm=sensor.high)
 
 
 def _cameras(body: Body) -> Iterator[SensorView]:
     for name, server in body.servers.items():
-        if isinstance(camera := server.simulated, Camera):
+        if isinstance(camera := server.simulated, CameraSpec):
             bearing, half = camera.pose.bearing_deg, camera.view_deg / 2.0
             sector = Sector(bearing - half, bearing + half)
             beam = Beam(origin=_place(camera.pose), sector=sector, reach_mm=None)
@@ -210,7 +212,7 @@ def _cameras(body: Body) -> Iterator[SensorView]:
 
 def _dock_sensors(body: Body) -> Iterator[SensorView]:
     for name, server in body.servers.items():
-        if isinstance(sensor := server.simulated, DockSensor):
+        if isinstance(sensor := server.simulated, DockSensorSpec):
             bearing, half = sensor.pose.bearing_deg, sensor.view_deg / 2.0
             sector = Sector(bearing - half, bearing + half)
             beam = Beam(origin=_place(sensor.pose), sector=sector, reach_mm=sensor.range_mm)
@@ -218,11 +220,11 @@ def _dock_sensors(body: Body) -> Iterator[SensorView]:
             yield SensorView(name=name, note=note, beams=(beam,))
 
 
-def _place(place: Pose | Place) -> Point:
-    return Point(-place.y_mm, place.x_mm)
+def _place(place: MountPose | MountPoint) -> PicturePoint:
+    return PicturePoint(-place.y_mm, place.x_mm)
 
 
 def _lines(body: Body) -> Iterator[str]:
-    upward = [n for n, server in body.servers.items() if isinstance(server.simulated, CeilingCamera)]
+    upward = [n for n, server in body.servers.items() if isinstance(server.simulated, CeilingCameraSpec)]
     if upward:
         yield f"looks up: {', '.join(upward)}"

@@ -72,7 +72,7 @@ class Box(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Name:
+class PlacedName:
     """A placed name.
 
     Attributes:
@@ -101,7 +101,7 @@ class _NameRequest:
     line: tuple[int, int]  # ring and side, so that names on one wall have the same orientation
 
 
-def place_names(map_: Map, mm_per_point: float) -> tuple[Name, ...]:
+def place_names(map_: Map, mm_per_point: float) -> tuple[PlacedName, ...]:
     """Place the names of a map's doors, elevators and corners where there is space.
 
     Args:
@@ -112,13 +112,13 @@ def place_names(map_: Map, mm_per_point: float) -> tuple[Name, ...]:
     requests = sorted(_requests(map_), key=lambda r: _RANKS.index(r.rank))
     upright_lines = _crowded_lines(requests, mm_per_point)
     placed_boxes: list[Box] = []
-    placed: list[Name] = []
+    placed: list[PlacedName] = []
     for request in requests:
         for upright, center, box in _candidates(request, request.line in upright_lines, mm_per_point):
             if not any(box.touches(other) for other in placed_boxes) and not _overlaps_wall(box, walls):
                 placed_boxes.append(box)
                 placed.append(
-                    Name(text=request.text, rank=request.rank, center=center, upright=upright, box=box)
+                    PlacedName(text=request.text, rank=request.rank, center=center, upright=upright, box=box)
                 )
                 break
     return tuple(placed)

@@ -4,11 +4,23 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+# --- periods -------------------------------------------------------------------------------------------
+#
+# The periods of the scripts that process images.
+
+
+PERIOD_S = 0.25
+"""Seconds between two images."""
+
+
+# --- detections ----------------------------------------------------------------------------------------
+
+
 Corner = tuple[float, float]
 """A position in an image: column and row, in pixels."""
 
 
-class Reading(NamedTuple):
+class PlateReading(NamedTuple):
     """The reading of a plate.
 
     `text` is "" if the plate is illegible; `confidence` is from 0 to 1. `alternatives` are the next most

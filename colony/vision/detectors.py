@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.nav.maps.signs import MARKER_BITS
-from colony.vision.detections import Corner, Reading
+from colony.vision.detections import Corner, PlateReading
 from colony.vision.gray_images import MIN_PIXELS, Gray, gray_image
-from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, UPWARD, CeilingCamera
+from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, UPWARD, CeilingCameraModel
 
 MAX_COLUMNS, MAX_ROWS = 640, 2560
 """Maximum size of an image in which plates and markers are detected; larger images are reduced to it."""
@@ -119,7 +119,7 @@ def _plates(gray: Gray) -> tuple[Detection, ...]:
 
     found: list[Detection] = []
     for box in find_plates(gray):
-        reading: Reading = read_plate(gray, box)
+        reading: PlateReading = read_plate(gray, box)
         found.append(Detection(box.corners, reading.text, box.score, reading.confidence))
     return tuple(found)
 
@@ -151,7 +151,7 @@ def _lights(gray: Gray) -> tuple[Detection, ...]:
     return tuple(found)
 
 
-def _column_of_line(camera: CeilingCamera, along_mm: float, tilt: float, row: float) -> float:
+def _column_of_line(camera: CeilingCameraModel, along_mm: float, tilt: float, row: float) -> float:
     """Return the column at which a line across the corridor is in a row, clipped to the image."""
     ahead_mm = (along_mm + camera.left_of(row) * math.sin(tilt)) / math.cos(tilt)
     return min(max(camera.column_of(ahead_mm), -0.5), camera.columns - 0.5)

@@ -15,7 +15,7 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Any
 
-from colony.body.devices import Camera
+from colony.body.devices import CameraSpec
 from colony.body.shipped import shipped_body
 from colony.runtime.kit.script import Step, do
 from colony.runtime.library import camera
@@ -73,7 +73,7 @@ class LevelCamera:
         return (self.rows - 1) / 2.0 - self.focal * (above_floor_mm - self.height_mm) / depth_mm
 
 
-def level_camera_of(camera: Camera) -> LevelCamera:
+def level_camera_of(camera: CameraSpec) -> LevelCamera:
     """Return the geometry of a camera of a robot's body."""
     return LevelCamera(
         columns=camera.size.columns,

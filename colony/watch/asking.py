@@ -6,22 +6,189 @@ the robot nothing, and has no connection to it.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
+import msgspec
+
+from colony.extras import EXTRAS, installed
 from colony.ir.servers import DSERVER
-from colony.nav.pose.pose import pose_of
+from colony.nav.pose.pose import PoseEstimate, pose_of
 from colony.nav.shared import POSE
 from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import camera, data
 from colony.runtime.protocol.images import Image
 from colony.runtime.servers.cserver import CSERVER
-from colony.watch.ellipse import PoseEllipse, ellipse_of
-from colony.watch.pictures import Find, Picture, picture_of
+
+# --- ellipse -------------------------------------------------------------------------------------------
+#
+# The ellipse of a pose on the map, from its covariance.
+
+
+STANDARD_DEVIATIONS = math.sqrt(-2.0 * math.log(0.05))
+"""Semiaxes in standard deviations: the robot is in the ellipse with a probability of 95 %."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseEllipse:
+    """Where a robot is with a probability of 95 %, in the map: x east and y north.
+
+    Attributes:
+        t: time of the estimate in seconds.
+        x: center, in mm.
+        y: center, in mm.
+        major: longer semiaxis, in mm.
+        minor: shorter semiaxis, in mm.
+        direction: direction of the longer semiaxis, in degrees counterclockwise from east.
+        heading: heading, in degrees counterclockwise from north.
+        sigma_deg: standard deviation of the heading, in degrees.
+    """
+
+    t: float
+    x: float
+    y: float
+    major: float
+    minor: float
+    direction: float
+    heading: float
+    sigma_deg: float
+
+
+def ellipse_of(pose: PoseEstimate) -> PoseEllipse:
+    """Return the ellipse of a pose: along the eigenvectors of the covariance of its position."""
+    middle, half = (pose.xx + pose.yy) / 2.0, math.hypot((pose.xx - pose.yy) / 2.0, pose.xy)
+    return PoseEllipse(
+        t=pose.t_ns / 1e9,
+        x=pose.x_mm,
+        y=pose.y_mm,
+        major=STANDARD_DEVIATIONS * math.sqrt(max(middle + half, 0.0)),
+        minor=STANDARD_DEVIATIONS * math.sqrt(max(middle - half, 0.0)),
+        direction=math.degrees(math.atan2(2.0 * pose.xy, pose.xx - pose.yy) / 2.0),
+        heading=pose.heading_deg,
+        sigma_deg=pose.sigma_deg,
+    )
+
+
+# --- pictures ------------------------------------------------------------------------------------------
+#
+# Pictures of a robot's cameras for pages: reduced, with what the detectors find in them.
+
+
+MAX_WIDTH, MAX_HEIGHT = 320, 240
+"""Maximum size of a picture in pixels; larger images are reduced by a whole factor."""
+
+RGB = 3
+"""Channels of a colored image; with any other number the first channel is shown, in gray."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DetectedObject:
+    """What a detector found: a plate or a marker.
+
+    Attributes:
+        kind: the kind of detector.
+        label: text of a plate, "" if it cannot be read; bits of a marker.
+        corners: corners clockwise from the upper left, in pixels; pixel i extends from i - 0.5 to i + 0.5.
+    """
+
+    kind: str
+    label: str
+    corners: tuple[tuple[float, float], ...]
+
+
+Find = Callable[[Image], tuple[DetectedObject, ...]]
+"""Function that returns what is found in an image; it may take long."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A picture of a camera, taken at `t` seconds.
+
+    `pixels` has `channels` bytes per pixel, 1 for gray or 3 for red, green and blue; pages get it in base64.
+    """
+
+    camera: str
+    t: float
+    width: int
+    height: int
+    channels: int
+    pixels: bytes
+    found: tuple[DetectedObject, ...]
+
+
+def picture_of(camera: str, image: Image, find: Find) -> Picture:
+    """Return the picture of a whole image for a page, with what is found in it."""
+    factor = max(-(-image.width // MAX_WIDTH), -(-image.height // MAX_HEIGHT))
+    small = reduced(image, factor)
+    found = tuple(_scaled(finding, factor) for finding in find(image))
+    return Picture(
+        camera=camera,
+        t=image.t_ns / 1e9,
+        width=small.width,
+        height=small.height,
+        channels=small.channels,
+        pixels=small.pixels,
+        found=found,
+    )
+
+
+def reduced(image: Image, factor: int) -> Image:
+    """Return every `factor`-th pixel of every `factor`-th row, in gray or in color."""
+    channels = image.channels if image.channels == RGB else 1
+    if factor == 1 and channels == image.channels:
+        return image
+    line, width = image.width * image.channels, -(-image.width // factor)
+    rows = range(0, image.height, factor)
+    pixels = bytearray(len(rows) * width * channels)
+    for place, row in enumerate(rows):
+        source = image.pixels[row * line : (row + 1) * line]
+        begin = place * width * channels
+        for channel in range(channels):
+            target = slice(begin + channel, begin + width * channels, channels)
+            pixels[target] = source[channel :: image.channels * factor]
+    return msgspec.structs.replace(
+        image, width=width, height=len(rows), channels=channels, pixels=bytes(pixels)
+    )
+
+
+def _scaled(finding: DetectedObject, factor: int) -> DetectedObject:
+    corners = tuple(((x + 0.5) / factor - 0.5, (y + 0.5) / factor - 0.5) for x, y in finding.corners)
+    return DetectedObject(kind=finding.kind, label=finding.label, corners=corners)
+
+
+def find_nothing(image: Image) -> tuple[DetectedObject, ...]:
+    """Return nothing: the detectors are not installed."""
+    return ()
+
+
+def find_signs(image: Image) -> tuple[DetectedObject, ...]:
+    """Return the plates and markers in an image, found as if a level camera had taken it."""
+    from colony.runtime.library.camera import array
+    from colony.vision.detectors import Detector, detect
+    from colony.vision.gray_images import MIN_PIXELS
+
+    if image.channels not in (1, RGB) or min(image.height, image.width) < MIN_PIXELS:
+        return ()
+    pixels = array(image)
+    return tuple(
+        DetectedObject(kind=kind, label=found.label, corners=tuple((x, y) for x, y in found.corners))
+        for kind, detector in (("plate", Detector.PLATES), ("marker", Detector.MARKERS))
+        for found in detect(detector, pixels)
+    )
+
+
+def installed_finder() -> Find:
+    """Return the detectors, if the extra `vision` is installed."""
+    return find_signs if all(map(installed, EXTRAS["vision"])) else find_nothing
+
+
+# --- asking --------------------------------------------------------------------------------------------
+
 
 ASK_INTERVAL_S = 0.5
 """Seconds between two questions, at least: the period of a camera, unless something sets it."""
@@ -40,7 +207,7 @@ BAND_BYTES = 2**20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class RobotView:
     """What a robot answered: its cameras' pictures, and where its pose estimator believes it, if one runs."""
 
     pictures: tuple[Picture, ...]
@@ -52,10 +219,10 @@ class Answers:
     """What a robot answered, by the number of the question."""
 
     number: int
-    seen: Seen
+    seen: RobotView
 
 
-Ask = Callable[[], Seen]
+Ask = Callable[[], RobotView]
 """Function that asks once; it may block."""
 
 
@@ -124,7 +291,7 @@ class Asker:
             return not self._is_closed and self._pages > 0
 
 
-class Connections:
+class PageConnections:
     """The connections of a page's questions, by server, opened as they are needed. Mutable."""
 
     def __init__(self, session: Session) -> None:
@@ -164,11 +331,13 @@ def asking_robot(session: Session, find: Find) -> Iterator[Ask]:
         session: a session with the robot.
         find: the detectors to run on the pictures.
     """
-    connections = Connections(session)
+    connections = PageConnections(session)
 
-    def ask() -> Seen:
+    def ask() -> RobotView:
         names = connections.servers()
-        return Seen(pictures=tuple(_pictures(connections, names, find)), ellipse=_ellipse(connections, names))
+        return RobotView(
+            pictures=tuple(_pictures(connections, names, find)), ellipse=_ellipse(connections, names)
+        )
 
     try:
         yield ask
@@ -176,7 +345,7 @@ def asking_robot(session: Session, find: Find) -> Iterator[Ask]:
         connections.close()
 
 
-def _pictures(connections: Connections, names: tuple[str, ...], find: Find) -> Iterator[Picture]:
+def _pictures(connections: PageConnections, names: tuple[str, ...], find: Find) -> Iterator[Picture]:
     """Yield the pictures of the cameras that have one."""
     cameras = [name for name in names if name.startswith(CSERVER) and "/" not in name]
     for name in cameras[:MAX_CAMERAS]:
@@ -185,7 +354,7 @@ def _pictures(connections: Connections, names: tuple[str, ...], find: Find) -> I
                 yield picture_of(name, image, find)
 
 
-def _ellipse(connections: Connections, names: tuple[str, ...]) -> PoseEllipse | None:
+def _ellipse(connections: PageConnections, names: tuple[str, ...]) -> PoseEllipse | None:
     """Return the ellipse of the pose that the robot's estimator published; None without one."""
     if DSERVER.name not in names:
         return None

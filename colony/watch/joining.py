@@ -20,8 +20,7 @@ from colony.analysis.recording import unpacked_program
 from colony.compile.pipeline import compile_program
 from colony.execute.compiled import SourceFile
 from colony.ir.program import Program
-from colony.robots.bound_servers import additional_servers
-from colony.robots.described import described_robot
+from colony.runs.described import additional_servers, described_robot
 from colony.runtime.assembly.nodes import build_observer
 from colony.runtime.frames.assembler import frames_to_keep
 from colony.runtime.frames.run_frame import Keyframe, RunFrame
@@ -31,8 +30,8 @@ from colony.runtime.library.leader import LEADER, RunProgram, run_keyframe, run_
 from colony.runtime.observe.observer import Observer
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.messages import Effect, Message
-from colony.runtime.recordings.keyframes import read_keyframe
-from colony.runtime.recordings.site import read_site
+from colony.runtime.recordings.json_text import read_keyframe
+from colony.runtime.recordings.replay import read_site
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.watch.sources import LiveSource

@@ -1,6 +1,6 @@
 """What a page shows of a program once, before any frame: its sensors, commands, modules, contracts, network.
 
-A `Scene` is data that the page draws; it decides nothing. Names and order are those of the program, and a
+A `PageScene` is data that the page draws; it decides nothing. Names and order are those of the program, and a
 `Snapshot` refers to them by index.
 """
 
@@ -110,7 +110,7 @@ class MapScene:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class PageScene:
     """All that a page shows of a program once.
 
     Attributes:
@@ -157,7 +157,7 @@ def scene_of(
     map_: MapScene | None = None,
     footprint_mm: tuple[tuple[float, float], ...] = (),
     robot: str | None = None,
-) -> Scene:
+) -> PageScene:
     """Return the scene of a program.
 
     Args:
@@ -170,7 +170,7 @@ def scene_of(
     """
     network = elaborate(program)
     read = {node.name for node in all_subexpressions(program) if isinstance(node, SensorValue)}
-    return Scene(
+    return PageScene(
         title=title,
         robot=program.robot.name if robot is None else robot,
         description=program.robot.name,

@@ -1,4 +1,4 @@
-"""What a page shows of one frame: `Snapshot`, made from a frame and the interpreter that has stepped over it.
+"""What a page shows of one frame: `PageFrame`, made of a frame and the interpreter that stepped over it.
 
 The same snapshots come from recordings and from robots that run. Their members are in the order of the
 program's `Scene`.
@@ -9,20 +9,23 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from enum import IntFlag
 from typing import Literal
 
 from colony.compile.network import ModuleLeaf, Network, Suppressor
 from colony.compile.passes.elaborate import elaborate
-from colony.ir.frame import Frame, Outcome, Reading
-from colony.ir.given import is_connection
+from colony.ir.frame import Frame, Outcome, Reading, is_connection
 from colony.ir.memory import window_cell
 from colony.ir.program import Actuator, Program, in_declared_units
 from colony.ir.types import ScalarValue
-from colony.ir.wiring import wiring_graph
+from colony.ir.walk import wiring_graph
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Fate, Tick, Verdict
 from colony.verify.reference.interpreter import Interpreter
 from colony.watch.scene import SensorScene, pose_sensors, scene_of, shown_sensors, shown_states
+
+# --- snapshot ------------------------------------------------------------------------------------------
+
 
 DECIMALS = 4
 """Decimals of values around the robot, which pages get by the hundreds."""
@@ -62,7 +65,7 @@ class CommandSnapshot:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Snapshot:
+class PageFrame:
     """One frame.
 
     Attributes:
@@ -118,7 +121,7 @@ class SnapshotMaker:
         self._pose = pose_sensors(program)
         self._actuators = {m.name: m.actuator for m in program.modules}
 
-    def make(self, observed: RunFrame, outcome: Outcome | None, interpreter: Interpreter | None) -> Snapshot:
+    def make(self, observed: RunFrame, outcome: Outcome | None, interpreter: Interpreter | None) -> PageFrame:
         """Return the snapshot of a frame.
 
         Args:
@@ -136,7 +139,7 @@ class SnapshotMaker:
         )
         tick, verdicts = observed.tick, observed.verdicts
         holds = any(v.hold == "stopped" for v in verdicts.values())
-        return Snapshot(
+        return PageFrame(
             k=tick.k,
             t=frame.t_ns / 1e9,
             sensors=tuple(_cell(s, x) for s, x in zip(self._sensors, readings, strict=True)),
@@ -285,3 +288,51 @@ def _scaled(x: object, factor: float) -> float | bool | None:
 
 def _number(x: ScalarValue) -> float | bool | None:
     return x if isinstance(x, bool) or math.isfinite(x) else None
+
+
+# --- marks ---------------------------------------------------------------------------------------------
+#
+# Moments of a run that a page can jump to, and that its timeline shows.
+
+
+class FrameMark(IntFlag):
+    """What begins with a frame."""
+
+    NOTHING = 0
+    WINNER = 1
+    """Another module, or none, commands an actuator."""
+    BREACH = 2
+    """A contract breaks."""
+    FAULT = 4
+    """A winner's command cannot be sent, or a sensor has a faulty value."""
+    LATE = 8
+    """A client is late, lost or refused, or a server is down."""
+    OUTSIDE = 16
+    """A connection outside the network commands, a lock holds, or an emergency stop begins."""
+    RESTART = 32
+    """All memory restarts."""
+
+
+def mark_of(before: PageFrame | None, now: PageFrame) -> FrameMark:
+    """Return what begins with a frame; `before` is the frame before it, None for the first."""
+    if before is None:
+        return FrameMark.NOTHING
+    pairs = tuple(zip(before.commands, now.commands, strict=True))
+    mark = FrameMark.NOTHING
+    if any(a.by != b.by for a, b in pairs):
+        mark |= FrameMark.WINNER
+    contracts = zip(before.contracts, now.contracts, strict=True)
+    if any(b == "broken" and a != "broken" for a, b in contracts):
+        mark |= FrameMark.BREACH
+    if any(b.fault is not None and a.fault != b.fault for a, b in pairs) or set(now.stale) - set(
+        before.stale
+    ):
+        mark |= FrameMark.FAULT
+    if set(now.late) - set(before.late):
+        mark |= FrameMark.LATE
+    begins = any((a.outside, a.hold) != (b.outside, b.hold) and (b.outside or b.hold) for a, b in pairs)
+    if begins or (now.stopped_by is not None and before.stopped_by is None):
+        mark |= FrameMark.OUTSIDE
+    if now.is_restart:
+        mark |= FrameMark.RESTART
+    return mark

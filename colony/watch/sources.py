@@ -15,12 +15,12 @@ from colony.analysis.moments import MomentFollower
 from colony.files import reason
 from colony.ir.program import Program
 from colony.runtime.frames.run_frame import RunFrame
-from colony.runtime.observe.repeating import repeating
+from colony.runtime.observe.closing import repeating
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.text.diagnostics import DiagnosticError, headline
-from colony.watch.snapshot import Snapshot, SnapshotMaker
+from colony.watch.snapshot import PageFrame, SnapshotMaker
 from colony.watch.store import SnapshotStore
-from colony.watch.trail import Trail
+from colony.watch.trail import RunTrail
 
 MAX_WAITING = 200
 """Maximum number of frames that wait; beyond it the oldest are dropped, and the next counts as damaged."""
@@ -44,12 +44,12 @@ class RunFollower:
         trail: the trail to fill.
     """
 
-    def __init__(self, program: Program, store: SnapshotStore, trail: Trail) -> None:
+    def __init__(self, program: Program, store: SnapshotStore, trail: RunTrail) -> None:
         self._store, self._trail = store, trail
         self._follower = MomentFollower(program)
         self._maker = SnapshotMaker(program)
 
-    def take(self, observed: RunFrame) -> Snapshot:
+    def take(self, observed: RunFrame) -> PageFrame:
         """Take the next frame; return its snapshot.
 
         Raises:
@@ -77,7 +77,9 @@ class RecordingSource:
         trail: the trail to fill.
     """
 
-    def __init__(self, reader: RecordingReader, program: Program, store: SnapshotStore, trail: Trail) -> None:
+    def __init__(
+        self, reader: RecordingReader, program: Program, store: SnapshotStore, trail: RunTrail
+    ) -> None:
         self._reader, self._program, self._store = reader, program, store
         self._follower = RunFollower(program, store, trail)
         self._closed = False
@@ -126,7 +128,7 @@ class LiveSource:
         trail: the trail to fill.
     """
 
-    def __init__(self, program: Program, store: SnapshotStore, trail: Trail) -> None:
+    def __init__(self, program: Program, store: SnapshotStore, trail: RunTrail) -> None:
         self._follower = RunFollower(program, store, trail)
         self._store = store
         self._waiting: deque[RunFrame] = deque()

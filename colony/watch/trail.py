@@ -12,7 +12,7 @@ from collections import deque
 from dataclasses import replace
 from threading import Lock
 
-from colony.analysis.moments import Checkpoint, MomentFollower
+from colony.analysis.moments import FollowerCheckpoint, MomentFollower
 from colony.ir.frame import Outcome
 from colony.ir.program import Program
 from colony.runtime.frames.run_frame import RunFrame
@@ -29,14 +29,14 @@ MAX_BYTES = 64 * 1024 * 1024
 class _Segment:
     """Frames from a checkpoint on. Mutable until it is packed."""
 
-    def __init__(self, first: int, checkpoint: Checkpoint | None) -> None:
+    def __init__(self, first: int, checkpoint: FollowerCheckpoint | None) -> None:
         self.first, self.last = first, first
         self.checkpoint = checkpoint
         self.frames: list[RunFrame] = []
         self.packed: bytes | None = None
 
 
-class Trail:
+class RunTrail:
     """The frames of a run. Mutable; one thread adds frames, others ask.
 
     Args:
@@ -53,7 +53,7 @@ class Trail:
         """Return True if the next frame begins a segment, and so needs the checkpoint before it."""
         return bool(self._segments) and len(self._segments[-1].frames) >= SEGMENT_FRAMES
 
-    def add(self, observed: RunFrame, before: Checkpoint | None, *, resumes: bool) -> None:
+    def add(self, observed: RunFrame, before: FollowerCheckpoint | None, *, resumes: bool) -> None:
         """Add a frame.
 
         Args:
@@ -70,7 +70,7 @@ class Trail:
             segment.frames.append(kept)
             segment.last = k
 
-    def _begin(self, k: int, checkpoint: Checkpoint | None) -> None:
+    def _begin(self, k: int, checkpoint: FollowerCheckpoint | None) -> None:
         """Begin a segment; the lock is held."""
         if self._segments:
             full = self._segments[-1]

@@ -10,17 +10,184 @@ import asyncio
 import time
 from collections.abc import Callable, Coroutine
 from contextlib import nullcontext, suppress
-from typing import Any, assert_never
+from typing import Annotated, Any, assert_never
 
 import msgspec
 from starlette.concurrency import run_in_threadpool
 from starlette.websockets import WebSocket
 
-from colony.watch.marks import Mark
-from colony.watch.player import Player
-from colony.watch.requests import Ask, Follow, Jump, Pause, Play, Request, Seek, Step, Stop, read_request
-from colony.watch.timeline import history_to, path_to, timeline_of
+from colony.watch.snapshot import FrameMark
+from colony.watch.store import SnapshotStore, history_to, path_to, timeline_of
 from colony.watch.watched import Watched
+
+# --- player --------------------------------------------------------------------------------------------
+#
+# The position of one page in a run: it plays, pauses, follows the newest frame, or jumps. No I/O.
+
+
+MIN_SPEED, MAX_SPEED = 0.05, 100.0
+"""Bounds of the speed, in seconds of the run a second."""
+
+
+class Player:
+    """A position in a store. Mutable. Times `now` are in seconds of any monotonic clock."""
+
+    def __init__(self, store: SnapshotStore, *, follows: bool) -> None:
+        self._store = store
+        self.speed = 1.0
+        self.is_following = follows
+        self.is_playing = not follows
+        self._anchor: tuple[float, float] | None = None  # a clock time, and the time in the run then
+        self._index = 0
+
+    def index(self, now: float) -> int | None:
+        """Return the frame to show now, None while there is none."""
+        span = self._store.span
+        if span.first == span.end:
+            return None
+        if self.is_following:
+            self._index = span.end - 1
+        elif self.is_playing:
+            self._index = self._store.index_at(self._time(now))
+            if self._index >= span.end - 1:
+                self._anchor = now, self._store.time(span.end - 1)
+                self.is_playing = not self._store.is_complete
+        self._index = min(max(self._index, span.first), span.end - 1)
+        return self._index
+
+    def _time(self, now: float) -> float:
+        if self._anchor is None:
+            self._anchor = now, self._store.time(self._index)
+        began, t = self._anchor
+        return t + (now - began) * self.speed
+
+    def play(self, now: float, speed: float) -> None:
+        """Play from here, at a speed; from the beginning if this is the end."""
+        span = self._store.span
+        if self._index >= span.end - 1 and self._store.is_complete:
+            self._index = span.first
+        self.speed = min(max(speed, MIN_SPEED), MAX_SPEED)
+        self._go(now, self._index)
+        self.is_playing = True
+
+    def pause(self) -> None:
+        """Stay at this frame."""
+        self.is_playing = self.is_following = False
+
+    def seek(self, now: float, t: float) -> None:
+        """Go to a time in the run."""
+        self._go(now, self._store.index_at(t))
+
+    def step(self, now: float, frames: int) -> None:
+        """Go some frames forward, or back, and stay there."""
+        self.pause()
+        span = self._store.span
+        self._go(now, min(max(self._index + frames, span.first), max(span.end - 1, 0)))
+
+    def jump(self, now: float, kinds: FrameMark, *, backward: bool) -> bool:
+        """Go to the nearest frame in which one of these begins, and stay there; return False if none does."""
+        found = self._store.next_marked(self._index, kinds, backward=backward)
+        if found is None:
+            return False
+        self.pause()
+        self._go(now, found)
+        return True
+
+    def follow(self) -> None:
+        """Follow the newest frame."""
+        self.is_following, self.is_playing = True, False
+
+    def _go(self, now: float, index: int) -> None:
+        self.is_following = False
+        self._index = index
+        span = self._store.span
+        self._anchor = (now, self._store.time(index)) if span.first < span.end else None
+
+
+# --- requests ------------------------------------------------------------------------------------------
+#
+# What a page asks for, checked as it comes in.
+
+
+MAX_REQUEST_BYTES = 4096
+"""Maximum size of a request of a page."""
+
+_ALL_MARKS = int(
+    FrameMark.WINNER
+    | FrameMark.BREACH
+    | FrameMark.FAULT
+    | FrameMark.LATE
+    | FrameMark.OUTSIDE
+    | FrameMark.RESTART
+)
+
+Name = Annotated[str, msgspec.Meta(max_length=1000)]
+
+
+class _Request(msgspec.Struct, frozen=True, kw_only=True, tag_field="do", tag=str.lower):
+    """A request; its name, in lower case, is the member `do`."""
+
+
+class Play(_Request, frozen=True, kw_only=True):
+    """Play from here at `speed` times the speed of the run."""
+
+    speed: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 1.0
+
+
+class Pause(_Request, frozen=True, kw_only=True):
+    """Stay at this frame."""
+
+
+class Seek(_Request, frozen=True, kw_only=True):
+    """Go to a time in seconds."""
+
+    t: float
+
+
+class StepFrames(_Request, frozen=True, kw_only=True, tag="step"):
+    """Go some frames forward, or back."""
+
+    frames: Annotated[int, msgspec.Meta(ge=-10_000, le=10_000)]
+
+
+class Jump(_Request, frozen=True, kw_only=True):
+    """Go to the next frame in which something begins: a sum of `FrameMark`s."""
+
+    kinds: Annotated[int, msgspec.Meta(ge=1, le=_ALL_MARKS)]
+    backward: bool = False
+
+
+class Follow(_Request, frozen=True, kw_only=True):
+    """Follow the newest frame."""
+
+
+class AskWhy(_Request, frozen=True, kw_only=True, tag="ask"):
+    """Ask why a module did, or did not, command in a frame."""
+
+    module: Name
+    k: int
+
+
+class Stop(_Request, frozen=True, kw_only=True):
+    """Stop the robot in an emergency."""
+
+
+Request = Play | Pause | Seek | StepFrames | Jump | Follow | AskWhy | Stop
+
+_decoder: msgspec.json.Decoder[Request] = msgspec.json.Decoder(Request)
+
+
+def read_request(text: str | bytes) -> Request:
+    """Return a request.
+
+    Raises:
+        msgspec.MsgspecError: it is none.
+    """
+    return _decoder.decode(text)
+
+
+# --- viewer --------------------------------------------------------------------------------------------
+
 
 PERIOD_S = 1.0 / 60.0
 """Seconds between two checks for a new frame: pages show at most 60 frames a second."""
@@ -52,7 +219,7 @@ class Viewer:
         self._socket, self._watched = socket, watched
         self._player = Player(watched.store, follows=watched.is_live)
         self._changed = asyncio.Event()
-        self._asked: Ask | None = None
+        self._asked: AskWhy | None = None
         self._is_asked = asyncio.Event()
         self._shown: int | None = None
         self._shown_s = 0.0
@@ -150,14 +317,14 @@ class Viewer:
                 player.pause()
             case Seek(t=t):
                 player.seek(now, t)
-            case Step(frames=frames):
+            case StepFrames(frames=frames):
                 player.step(now, frames)
             case Jump(kinds=kinds, backward=backward):
-                if not player.jump(now, Mark(kinds), backward=backward):
+                if not player.jump(now, FrameMark(kinds), backward=backward):
                     await self._send(refused="nothing of that kind in this direction")
             case Follow():
                 player.follow()
-            case Ask():
+            case AskWhy():
                 self._asked = request
                 self._is_asked.set()
             case Stop():

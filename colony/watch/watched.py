@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from colony.watch.asking import Asker
-from colony.watch.scene import Scene
+from colony.watch.scene import PageScene
 from colony.watch.store import SnapshotStore
 
 
@@ -32,7 +32,7 @@ class Watched:
         asker: asks the robot for what frames do not have while a page is open; None without such a robot.
     """
 
-    scene: Scene
+    scene: PageScene
     store: SnapshotStore
     is_live: bool
     explain: Callable[[int, str], tuple[str, ...]] | None = None

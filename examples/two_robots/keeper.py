@@ -26,7 +26,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from enum import IntEnum
 
-from colony.runtime.kit.aio import Connection, Session
+from colony.runtime.kit.aio import AsyncConnection, AsyncSession
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import data
 
@@ -61,7 +61,7 @@ class Keeper:
         fleet: one to the DServer that all robots share.
     """
 
-    def __init__(self, robot: str, own: Connection, fleet: Connection) -> None:
+    def __init__(self, robot: str, own: AsyncConnection, fleet: AsyncConnection) -> None:
         self.robot = robot
         self._own = own
         self._fleet = fleet
@@ -173,8 +173,8 @@ async def keep(robot: str) -> None:
         ExceptionGroup: of connections that ended.
     """
     async with (
-        Session.open(robot) as here,
-        Session.open(FLEET) as there,
+        AsyncSession.open(robot) as here,
+        AsyncSession.open(FLEET) as there,
         here.connect("DServer", name="keeper") as own,
         there.connect("DServer", name=f"keeper of {robot}") as fleet,
     ):

@@ -19,6 +19,6 @@ colony serve DServer --robot fleet &
 # The programs.
 python examples/two_robots/keeper.py --robot ada &
 python examples/two_robots/keeper.py --robot ben &
-colony run examples/two_robots/passage.colony --connect --robot ada &
-colony run examples/two_robots/passage.colony --connect --robot ben &
+colony drive examples/two_robots/passage.colony --robot ada &
+colony drive examples/two_robots/passage.colony --robot ben &
 wait

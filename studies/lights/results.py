@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from colony.experiment.results import KEY_COLUMNS, RunKey, Table
+from colony.experiment.results import KEY_COLUMNS, ResultTable, RunKey
 from studies.confidence.estimate import Count
 from studies.figures import Target, rate
 from studies.lights.detection import LightDetection
@@ -103,7 +103,7 @@ _NO_COUNTS = LightDetection(0, 0, 0, 0, 0, 0)
 
 _COUNT_COLUMNS = ("passed", "detected", "in_view", "in_view_told", "told", "false")
 """The columns of `LightDetection`."""
-LIGHT_TABLE = Table(
+LIGHT_TABLE = ResultTable(
     name="lights",
     kind=LightResult,
     columns=(*KEY_COLUMNS, "origin", "goal", "failure", *_COUNT_COLUMNS, "undetected"),

@@ -7,16 +7,16 @@ from collections.abc import Callable, Generator
 from typing import Any
 
 from colony.nav.shared import GOAL_DIRECTION
-from colony.robots.navigation import CEILING_CAMERA
+from colony.runs.navigation import CEILING_CAMERA
 from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
+from colony.vision.detections import PERIOD_S
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.observing import CeilingObservation, ceiling_observer, ensure_period
-from colony.vision.periods import PERIOD_S
 from studies.lights.detection import LightDetectionMonitor
 from studies.lights.results import LightResult
-from studies.runs import Run, RunSpec
+from studies.runs import Run, StudyRun
 from studies.true_path import TruePath
 
 
@@ -40,7 +40,7 @@ def _tilt_deg() -> Generator[Step, Any, float]:
     return math.remainder(position.heading - direction, 360.0)
 
 
-def run_with_light_probe(spec: RunSpec) -> LightResult:
+def run_with_light_probe(spec: StudyRun) -> LightResult:
     """Drive a run to its end, and count the detections on its legs along ceiling lights."""
     observations: list[CeilingObservation] = []
     run = Run(spec, extra_scripts={"light probe": light_probe(observations.append)})

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
-from colony.experiment.results import KEY_COLUMNS, RunKey, Table
+from colony.experiment.results import KEY_COLUMNS, ResultTable, RunKey
 from studies.record import FailureReason
 
 Finder = Literal["thesis", "ours", "map"]
@@ -98,7 +98,7 @@ def tally(outcomes: Sequence[Outcome]) -> Tally:
     )
 
 
-PLATE_TABLE = Table(
+PLATE_TABLE = ResultTable(
     name="plates",
     kind=PlateResult,
     columns=(*KEY_COLUMNS, "origin", "goal", "failure", "time_s", *(f"found_{finder}" for finder in FINDERS)),

@@ -12,8 +12,8 @@ from dataclasses import replace
 from colony.nav.maps.signs import plates_of
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
-from colony.nav.pose.tracker import Source
-from colony.robots.navigation import SIDE_CAMERA
+from colony.nav.pose.tracker import PoseSource
+from colony.runs.navigation import SIDE_CAMERA
 from colony.runtime.kit.script import Script
 from colony.vision.plates.finder import plate_finder
 from colony.vision.plates.observations import FoundPlate
@@ -21,7 +21,7 @@ from studies.plates.judging import Sighting, judge_sightings, true_position
 from studies.plates.naming import sighting_namer
 from studies.plates.passed import PassMonitor
 from studies.plates.record import FINDERS, Finder, Outcome, PlateResult
-from studies.runs import Run, RunSpec, building_at, run_to_end
+from studies.runs import Run, StudyRun, building_at, run_to_end
 from studies.thesis.plate_finder import thesis_plate_finder
 from studies.true_path import TruePath
 
@@ -33,8 +33,10 @@ class PlateRun:
         NoPlanError, DiagnosticError: see `runs.plan_of`.
     """
 
-    def __init__(self, spec: RunSpec) -> None:
-        run_spec = replace(spec, sources=spec.sources - {Source.PLATES}, cameras=spec.cameras | {SIDE_CAMERA})
+    def __init__(self, spec: StudyRun) -> None:
+        run_spec = replace(
+            spec, sources=spec.sources - {PoseSource.PLATES}, cameras=spec.cameras | {SIDE_CAMERA}
+        )
         self.found_plates: Mapping[Finder, list[FoundPlate]] = {finder: [] for finder in FINDERS}
         self.run = Run(run_spec, extra_scripts=self._finders(run_spec))
         self.floor = self.run.building.maps[0]
@@ -43,7 +45,7 @@ class PlateRun:
         self.passed = PassMonitor(self.plates, self.run.scenery.walls)
         self._people: dict[int, list[list[float]]] = {}
 
-    def _finders(self, spec: RunSpec) -> Mapping[str, Script]:
+    def _finders(self, spec: StudyRun) -> Mapping[str, Script]:
         """Return the finders by name; the one with the map replaces the variant's own."""
         floors = {floor.name: plates_of(floor) for floor in building_at(spec.map_path).maps}
         return {
@@ -90,6 +92,6 @@ class PlateRun:
         return Sighting(plate.t_ns, position, plate.text, plate.door)
 
 
-def run_with_finders(spec: RunSpec) -> PlateResult:
+def run_with_finders(spec: StudyRun) -> PlateResult:
     """Drive a run to its end, and return the finders' results."""
     return run_to_end(PlateRun(spec))

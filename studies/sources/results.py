@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from colony.experiment.results import KEY_COLUMNS, RunKey, Table
+from colony.experiment.results import KEY_COLUMNS, ResultTable, RunKey
 from studies.figures import Target, percentile
 from studies.lists import ListedRun
 from studies.record import FailureReason
@@ -144,5 +144,7 @@ def _cells(name: str, outcomes: Sequence[SourceOutcome]) -> list[str]:
     ]
 
 
-SOURCE_TABLE = Table(name="source", kind=SourceResult, columns=(*KEY_COLUMNS, "origin", "goal", "outcomes"))
+SOURCE_TABLE = ResultTable(
+    name="source", kind=SourceResult, columns=(*KEY_COLUMNS, "origin", "goal", "outcomes")
+)
 """Runs with different sources."""

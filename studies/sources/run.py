@@ -15,18 +15,12 @@ import numpy as np
 
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.pose import PoseEstimate, pose_of
-from colony.nav.pose.tracker import EVERY_SOURCE, Source
+from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
 from colony.nav.shared import POSE
-from colony.robots.navigation import CEILING_CAMERA, SIDE_CAMERA
+from colony.runs.navigation import CEILING_CAMERA, SIDE_CAMERA
 from studies.lists import ListedRun, published_list
-from studies.runs import Run, RunSpec
-from studies.sources.results import (
-    ALL_SOURCES,
-    ODOMETRY,
-    PoseErrors,
-    SourceOutcome,
-    SourceResult,
-)
+from studies.runs import Run, StudyRun
+from studies.sources.results import ALL_SOURCES, ODOMETRY, PoseErrors, SourceOutcome, SourceResult
 
 NUMBERS = (1, 22, 24, 28, 35, 39)
 """Numbers of the published runs to repeat.
@@ -41,12 +35,12 @@ COMPARISON_INTERVAL = 10
 CHI_SQUARE_95 = 7.815
 """The 95 % quantile of the chi-square distribution with three degrees of freedom."""
 
-_OMITTED_SOURCES = (Source.SONAR, Source.LOCAL_MAPS, Source.LIGHTS, Source.PLATES)
+_OMITTED_SOURCES = (PoseSource.SONAR, PoseSource.LOCAL_MAPS, PoseSource.LIGHTS, PoseSource.PLATES)
 
-SOURCE_CHOICES: Mapping[str, frozenset[Source]] = {
+SOURCE_CHOICES: Mapping[str, frozenset[PoseSource]] = {
     ALL_SOURCES: EVERY_SOURCE,
     **{f"no {source.value.replace('-', ' ')}": EVERY_SOURCE - {source} for source in _OMITTED_SOURCES},
-    "no sonar, no local maps": EVERY_SOURCE - {Source.SONAR, Source.LOCAL_MAPS},
+    "no sonar, no local maps": EVERY_SOURCE - {PoseSource.SONAR, PoseSource.LOCAL_MAPS},
     ODOMETRY: frozenset(),
 }
 """The sources of each row, in addition to the odometry."""
@@ -57,19 +51,19 @@ def source_list() -> tuple[ListedRun, ...]:
     return tuple(run for run in published_list() if run.number in NUMBERS)
 
 
-def run_with_sources(spec: RunSpec) -> SourceResult:
+def run_with_sources(spec: StudyRun) -> SourceResult:
     """Drive a run to its end, once for each choice of sources."""
     outcomes = {name: _outcome(_with_sources(spec, sources)) for name, sources in SOURCE_CHOICES.items()}
     return SourceResult(key=spec.key, origin=spec.origin, goal=spec.goal, outcomes=outcomes)
 
 
-def _with_sources(spec: RunSpec, sources: frozenset[Source]) -> RunSpec:
+def _with_sources(spec: StudyRun, sources: frozenset[PoseSource]) -> StudyRun:
     """Return the run with these sources; without plates the robot has no side camera."""
-    cameras = {CEILING_CAMERA, SIDE_CAMERA} if Source.PLATES in sources else {CEILING_CAMERA}
+    cameras = {CEILING_CAMERA, SIDE_CAMERA} if PoseSource.PLATES in sources else {CEILING_CAMERA}
     return replace(spec, sources=sources, cameras=frozenset(cameras))
 
 
-def _outcome(spec: RunSpec) -> SourceOutcome:
+def _outcome(spec: StudyRun) -> SourceOutcome:
     run, errors = Run(spec), PoseErrors()
     try:
         is_running = True

@@ -18,7 +18,7 @@ from colony.vision.lights.track import (
     LightGoal,
     LightPassing,
     LightTrack,
-    Scale,
+    OdometryScale,
     TrackEstimate,
 )
 
@@ -47,7 +47,9 @@ class ThesisTrack(LightTrack):
     new_passing: LightPassing | None = None
 
     @classmethod
-    def start(cls, goal: LightGoal, scale: Scale, passed: int = 0, *, blind: bool = False) -> ThesisTrack:
+    def start(
+        cls, goal: LightGoal, scale: OdometryScale, passed: int = 0, *, blind: bool = False
+    ) -> ThesisTrack:
         """Start at the beginning of a goal, or at one of its lights."""
         at_mm = goal.lights_mm[passed - 1] if passed else 0.0
         reckoning = TrackEstimate(at_mm=at_mm, scale=scale)

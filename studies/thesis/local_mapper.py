@@ -13,13 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from colony.nav.calls import try_adjust_position, try_ask, try_wait
 from colony.nav.mapping.himm import HimmMap, HimmParameters, LocalPose
 from colony.nav.mapping.local_map import lines_in
 from colony.nav.mapping.wall_matching import wrap_deg
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.echoes import rome_sonars
-from colony.nav.shared import GOAL_DIRECTION, GOAL_DISTANCE, LIGHT_DETECTED, START_MAP
+from colony.nav.shared import (
+    GOAL_DIRECTION,
+    GOAL_DISTANCE,
+    LIGHT_DETECTED,
+    START_MAP,
+    try_adjust_position,
+    try_ask,
+    try_wait,
+)
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, proximity, robot
 from colony.runtime.library.proximity import SonarReading

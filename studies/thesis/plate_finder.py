@@ -11,9 +11,9 @@ from collections.abc import Generator
 from contextlib import suppress
 from typing import Any
 
-from colony.nav.calls import try_ask
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.echoes import rome_sonars
+from colony.nav.shared import try_ask
 from colony.runtime.kit.script import Script, Step, do
 from colony.runtime.library import camera as cameras
 from colony.runtime.library import proximity

@@ -12,8 +12,7 @@ from colony.execute.executor import ModuleExecutor, ProgramExecutor
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.runtime.frames.run_frame import RunFrame
-from colony.runtime.observe.monitor import Monitor
-from colony.runtime.observe.observer import KEYFRAME_NS, Sink
+from colony.runtime.observe.observer import KEYFRAME_NS, Monitor, Sink
 from colony.runtime.protocol.messages import Fate, Tick, Verdict
 from colony.runtime.recordings.lines import ByteFile, Recording
 from colony.runtime.recordings.mcap_reader import McapReader

@@ -8,14 +8,15 @@ from dataclasses import replace
 
 import pytest
 
-from colony.analysis.finding import build_index, moment_at
-from colony.analysis.index import (
+from colony.analysis.finding import (
     VERSION,
-    Index,
+    RecordingIndex,
     StaleIndexError,
+    build_index,
     decode,
     encode,
     index_path,
+    moment_at,
     packed,
     unpacked,
 )
@@ -47,7 +48,7 @@ def reader(recording: tuple[str, bytes]) -> RecordingReader:
     return McapReader(io.BytesIO(data), "run") if kind == "mcap" else LinesReader(io.BytesIO(data), "run")
 
 
-def indexed(program: Program, recording: tuple[str, bytes]) -> Index:
+def indexed(program: Program, recording: tuple[str, bytes]) -> RecordingIndex:
     return build_index(program, reader(recording), interval_ns=800 * MS)
 
 

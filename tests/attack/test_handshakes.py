@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.gateway import whoami
+from colony.runtime.transport.live.run_directory import UnreachableError
 from tests.sampling import long
 from tests.waiting import until
 from tools.attack.handshakes import HalfOpen

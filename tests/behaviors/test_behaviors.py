@@ -24,8 +24,8 @@ from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Program, Sensor
 from colony.ir.types import Array, Bool
-from colony.robots.compiled_program import compiled_with_sources
-from colony.robots.described import described_robot
+from colony.runs.compiled import compiled_with_sources
+from colony.runs.described import described_robot
 from colony.runtime.library.leader import RunProgram, SourceText
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.recordings.mcap_reader import McapReader

@@ -7,19 +7,19 @@ from typing import assert_never
 
 from colony.body.kinds import (
     AnyAmount,
+    FixedArray,
     Flag,
+    FreeKeys,
     Interval,
     Kind,
     Many,
     Measure,
-    Named,
+    NamedTables,
     OneOf,
-    Options,
-    Row,
-    Table,
-    Text,
+    TableKind,
+    TextKind,
     Whole,
-    Word,
+    WordKind,
     entries,
 )
 from colony.body.model import ROOT
@@ -36,11 +36,11 @@ def _rows(type_: type, table: str) -> Iterator[tuple[str, str, str, str]]:
     for e in entries(type_):
         path = f"{table}.{e.key}".strip(".").replace("`, `proximity", "")
         match e.kind:
-            case Table(type=below):
+            case TableKind(type=below):
                 inner.append((below, path))
-            case Named(item=Table(type=below)):
+            case NamedTables(item=TableKind(type=below)):
                 inner.append((below, f"{path}.NAME"))
-            case Named(item=item):
+            case NamedTables(item=item):
                 needed = "" if "[default" in e.meaning else " (optional)"
                 yield f"`{path}`", "any name", _value(item), e.meaning + needed
             case OneOf(types=types):
@@ -52,7 +52,7 @@ def _rows(type_: type, table: str) -> Iterator[tuple[str, str, str, str]]:
                         (below.__doc__ or "").partition("\n")[0],
                     )
                     inner.append((below, f"{path}`, `{name}"))
-            case Options():
+            case FreeKeys():
                 yield f"`{table}`", "any other", "a text, a number or a bool", e.meaning
             case _:
                 needed = "" if e.is_required or "[default" in e.meaning else " (optional)"
@@ -67,17 +67,17 @@ def _value(kind: Kind) -> str:
             return f'`"{kind.example}"`'
         case Whole():
             return "whole number"
-        case Word():
+        case WordKind():
             return " or ".join(f'`"{word}"`' for word in kind.words)
         case Flag():
             return "true or false"
-        case Text():
+        case TextKind():
             return kind.form
         case Many():
             return f"array, each {_value(kind.item)}"
-        case Row():
+        case FixedArray():
             return "`[" + ", ".join(_value(item).strip("`") for item in kind.items) + "]`"
-        case Table() | OneOf() | Named() | Options():
+        case TableKind() | OneOf() | NamedTables() | FreeKeys():
             raise AssertionError("a table is no value")
         case _:
             assert_never(kind)

@@ -10,14 +10,14 @@ from colony.body.consistency import MAX_POSITIONS
 from colony.body.devices import DEVICES
 from colony.body.servers import servers_of
 from colony.body.shipped import shipped_body
+from colony.cli.serve.processes import SUPERVISOR
 from colony.ir.servers import MAX_SERVER_NAME, RESERVED_SERVER_NAMES
-from colony.robots.simulated import SUPERVISOR
 from colony.runtime.assembly.limits import LIMITS
 from colony.runtime.assembly.sharing import SHARED
 from colony.runtime.library.leader import LEADER
 from colony.runtime.protocol.topics import CLOCK, OBSERVER
 from colony.runtime.transport.live.configuration import GATEWAY
-from colony.runtime.transport.live.names import MAX_NAME_LENGTH
+from colony.runtime.transport.live.run_directory import MAX_NAME_LENGTH
 from colony.sim.plant.child import SIMULATOR
 from tests.body.test_disagreements import DEVICES_BODY
 from tests.body.test_reader import LIDAR, SMALL, body_of, problems

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.view.polar import Point, Sector
+from colony.view.polar import PicturePoint, Sector
 from tests.body.test_disagreements import found
 from tests.body.test_reader import SMALL, problems
 from tests.view.test_robot_scene import scene, sensor
@@ -196,7 +196,11 @@ def test_a_dock_sensor_is_drawn() -> None:
     eye = sensor(scene(*DOCK), "Eye")
     assert eye.note == "docks, 60°, 3 m"
     [beam] = eye.beams
-    assert (beam.origin, beam.sector, beam.reach_mm) == (Point(400.0, 300.0), Sector(-10.0, 50.0), 3000.0)
+    assert (beam.origin, beam.sector, beam.reach_mm) == (
+        PicturePoint(400.0, 300.0),
+        Sector(-10.0, 50.0),
+        3000.0,
+    )
 
 
 def test_a_running_joint_has_no_positions() -> None:

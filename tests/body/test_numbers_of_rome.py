@@ -13,13 +13,13 @@ from colony.sim.cameras.camera import CameraConfig
 from colony.sim.cameras.ceiling import CeilingCameraConfig
 from colony.sim.config import RingConfig, RobotConfig
 from colony.vision.level_camera import LevelCamera
-from colony.vision.lights.ceiling_camera import CeilingCamera
+from colony.vision.lights.ceiling_camera import CeilingCameraModel
 from tests.paths import ROOT
 
 FILES = (
     "colony/sim/config.py",
     "colony/sim/sensors/sonar.py",
-    "colony/sim/sensors/rings.py",
+    "colony/sim/sensors/sonar.py",
     "colony/sim/devices/sensors.py",
     "colony/sim/devices/beams.py",
     "colony/sim/devices/device.py",
@@ -55,7 +55,7 @@ def test_code_has_no_number_of_rome(file: str) -> None:
 
 def test_what_is_of_the_robot_has_no_default() -> None:
     assert _defaults(LevelCamera) == set()
-    assert _defaults(CeilingCamera) == {"ahead_mm", "left_mm"}
+    assert _defaults(CeilingCameraModel) == {"ahead_mm", "left_mm"}
     assert _defaults(CameraConfig) == {"optics"}
     assert _defaults(CeilingCameraConfig) == {"blur_mm", "vignetting", "noise"}
     assert _defaults(RobotConfig) == _defaults(RingConfig) == set()

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.body.devices import Lidar, Pose
+from colony.body.devices import LidarSpec, MountPose
 from colony.body.model import Body, Circle, Corner, Polygon
 from colony.body.reader import MAX_BYTES, body_of_text, read_body
 from tests.paths import ROBOTS
@@ -68,8 +68,8 @@ def test_values_are_in_base_units() -> None:
     assert lidar.fields["scan"].blocked[0] == (150.0, 165.0)
     assert lidar.fields["scan"].blocked[1][1] == pytest.approx(57.3, abs=0.01)
     assert (lidar.fields["scan"].no_echo_mm, lidar.fields["scan"].invalid) == (12_000.0, "hold")
-    assert isinstance(lidar.simulated, Lidar)
-    assert lidar.simulated.pose == Pose(50.0, 0.0, 90.0)
+    assert isinstance(lidar.simulated, LidarSpec)
+    assert lidar.simulated.pose == MountPose(50.0, 0.0, 90.0)
     assert lidar.hardware.driver == "colony.drivers.ldlidar:LD06"
     assert lidar.hardware.options == {"port": "/dev/ttyUSB1", "baud": 230400, "inverted": True}
 

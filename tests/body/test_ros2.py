@@ -14,7 +14,7 @@ from colony.body.servers import in_ros_units, servers_of
 from colony.dsl.load import load_text
 from colony.ir.program import Robot
 from colony.ir.servers import ServerSpec
-from colony.robots.ros2_devices import ros2_hardware
+from colony.runs.ros2_devices import ros2_hardware
 from tests.ros2.burger import BODY, INTERFACE
 
 

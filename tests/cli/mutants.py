@@ -34,7 +34,7 @@ from colony.execute.colonyc import encode
 from colony.execute.compiled import SourceFile
 from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Frame
-from colony.robots.compiled_program import compiled_with_sources, read_compiled
+from colony.runs.compiled import compiled_with_sources, read_compiled
 from colony.runtime.recordings.lines import add_checksum
 from colony.runtime.recordings.mcap_writer import CHECKSUM, checksum
 from colony.runtime.recordings.replay import CHECKSUM_PREFIX

@@ -191,9 +191,7 @@ def test_a_dserver_that_can_make_no_store_lives_in_memory(machine: Machine, disk
     (disk.seen / "s").mkdir(mode=0o700)
     disk.fill()
     serve(machine, disk)
-    run = machine.start(
-        "run", WANDER, "--connect", "--robot", ROBOT, "--set", "DockedAt=0", "--duration", "2"
-    )
+    run = machine.start("drive", WANDER, "--robot", ROBOT, "--set", "DockedAt=0", "--duration", "2")
     assert run.wait() in (0, 1), run.err
     with machine.session() as session:
         server = until(lambda: _connected(session), "DServer answers")

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 import pytest
 
-from colony.drivers.create2.firmware import Firmware, World
+from colony.drivers.create2.firmware import Create2Firmware, EmulatedWorld
 from colony.drivers.emulator import Emulator, room
 from tests.cli.conftest import Colony
 from tests.cli.machine import Machine, children_of
@@ -79,7 +79,7 @@ def test_a_served_robot_passes(machine: Machine, temporary: Path) -> None:
 
 @pytest.mark.long
 def test_real_devices_are_tested_through_their_drivers(machine: Machine) -> None:
-    robot = Firmware(World(range=room(3000.0, 2000.0)))
+    robot = Create2Firmware(EmulatedWorld(range=room(3000.0, 2000.0)))
     with closing(Emulator(robot, baud=115_200)) as emulator:
         emulator.start()
         arguments = ("r1=create2", "--port", emulator.port, "--behavior", "bounce", "--duration", "5")

@@ -132,9 +132,7 @@ def test_a_served_robot_refuses_a_program_for_another(machine: Machine, colony: 
         machine.start("serve", server, "--robot", f"rome={folder}/small.colony")
     until(lambda: {"Clock", "RServer"} <= set(machine.directory.running()), "both servers run")
     Path("robots/wide.colony").write_text(SMALL.replace("-200 .. 200", "-300 .. 300"))
-    err = colony.refusal(
-        "run", go, "--connect", "--duration", "0.3", "--robot", f"rome={folder}/wide.colony", code=1
-    )
+    err = colony.refusal("drive", go, "--duration", "0.3", "--robot", f"rome={folder}/wide.colony", code=1)
     assert "interface (`small`) than the robot's (`small`): `drive` differs (field `velocity`)" in err
 
 

@@ -23,8 +23,8 @@ from tests.cli.machine import MAP, WANDER
             for call in ("list", "get X", "set X 1", "delete X")
             for robot in ("", " --robot a")
         ),
-        f"run {WANDER} --connect",
-        f"run {WANDER} --shadow",
+        f"drive {WANDER}",
+        f"shadow {WANDER}",
         f"run {WANDER} --processes --map {MAP} --duration 1",
         "serve Clock --robot rome",
         "serve DServer --robot rome",

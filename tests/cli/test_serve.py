@@ -1,4 +1,4 @@
-"""`colony serve`, `ps`, `stop` and `run --connect`: a robot that is there, for programs that come and go."""
+"""`colony serve`, `ps`, `stop` and `drive`: a robot that is there, for programs that come and go."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_programs_come_and_go_and_anyone_can_stop_the_robot(
     expected = dict.fromkeys([*SERVERS, "Simulator", "Supervisor"], "up")
     until(lambda: {s["server"]: s["state"] for s in _ps(colony)["servers"]} == expected, "all answer")
     until(lambda: "no program runs, but the limits of rome hold" in colony("ps").out, "its limits hold")
-    run = machine.start("run", WANDER, "--connect", "--set", "DockedAt=0")
+    run = machine.start("drive", WANDER, "--set", "DockedAt=0")
     until(machine.moves, "the robot drives")
     with machine.session() as session:
         with session.connect("RServer", name="joystick", priority=7):
@@ -80,14 +80,14 @@ def _ps(colony: Colony) -> dict[str, object]:
 def test_a_killed_leader_leaves_the_robot_standing_and_a_run_outlives_a_killed_robot(
     machine: Machine, served: Started
 ) -> None:
-    run = machine.start("run", WANDER, "--connect")
+    run = machine.start("drive", WANDER)
     until(machine.moves, "the robot drives")
     clients = children_of(run.pid)
     run.tell(signal.SIGKILL)
     run.process.wait()
     until(machine.stands, "the robot stands")
     until(lambda: not any(map(lives, clients)), "the clients end")
-    again = machine.start("run", WANDER, "--connect", "--duration", "6")
+    again = machine.start("drive", WANDER, "--duration", "6")
     _has_begun(machine, again)
     servers = children_of(served.pid)
     served.tell(signal.SIGKILL)  # its servers end with it
@@ -112,7 +112,7 @@ def test_a_run_ends_when_the_whole_robot_stays_away(
         "from colony.runtime.assembly.processes import clock_watch\nclock_watch.GIVE_UP_AFTER_S = 2.0\n"
     )
     machine.environment["PYTHONPATH"] += f":{tmp_path}"
-    run = machine.start("run", WANDER, "--connect")
+    run = machine.start("drive", WANDER)
     _has_begun(machine, run)
     for pid in (served.pid, *children_of(served.pid)):
         with suppress(ProcessLookupError):
@@ -124,7 +124,7 @@ def test_a_run_ends_when_the_whole_robot_stays_away(
 
 @pytest.mark.long
 def test_a_run_goes_on_when_the_robot_comes_back(machine: Machine, served: Started) -> None:
-    run = machine.start("run", WANDER, "--connect")
+    run = machine.start("drive", WANDER)
     _has_begun(machine, run)
     servers = children_of(served.pid)
     served.tell(signal.SIGKILL)
@@ -234,7 +234,7 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
     (("serve", "Clock", "--robot", "r", "--state", ""), "found an empty name; expected the name of a folder"),
     ((*SERVE_ALL, "--listen", "tls/localhost:0", "--security", "/dev/zero"), "it is not a regular file"),
     ((*SERVE_ALL, "--listen", "tcp/localhost:0", "--security", "f"), "is unencrypted"),
-    (("run", WANDER, "--robot", "", "--connect"), "`` cannot be the name of a robot"),
+    (("drive", WANDER, "--robot", ""), "`` cannot be the name of a robot"),
     (("stop",), "no robot runs on this machine"),
     (("stop", "--robot", "r"), "no process of `r` runs on this machine (running robots: none)"),
     (("ps", "--connect", "tls/x:1"), "requires --robot NAME"),

@@ -50,7 +50,7 @@ def test_a_served_robot_takes_programs_and_stops_with_all_its_actuators(
 ) -> None:
     expected = dict.fromkeys([*SERVERS, "Simulator", "Supervisor"], "up")
     until(lambda: server_states(colony) == expected, "all of them answer")
-    run = machine.start("run", str(lifting), "--robot", AMR, "--connect")
+    run = machine.start("drive", str(lifting), "--robot", AMR)
     until(machine.moves, "the lift is up and the robot drives")
     with machine.session() as session, session.connect("Lift") as lift:
         assert [command.name for command in lift.do(describe()).commands] == ["move"]

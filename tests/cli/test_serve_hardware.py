@@ -98,7 +98,7 @@ def test_the_scout_of_the_page_drives_by_its_drivers_and_stands_when_its_scanner
         robot = f"{ROBOT}={tmp_path / 'robots' / 'scout'}"
         served = machine.start("serve", "all", "--robot", robot, "--hardware")
         until(lambda: machine.pid("DServer") or failed(served), "the robot runs")
-        run = machine.start("run", str(tmp_path / "patrol.colony"), "--robot", robot, "--connect")
+        run = machine.start("drive", str(tmp_path / "patrol.colony"), "--robot", robot)
         until(lambda: "300" in _commands(commands)[-1:] or failed(served, run), "the robot drives")
         lidar.on = False
         until(lambda: _commands(commands)[-1] != "300", "it stands")
@@ -206,7 +206,7 @@ def test_drivers_that_fail_end_no_other_server(
     robot = f"{ROBOT}={lab}"
     served = machine.start("serve", "all", "--robot", robot, "--hardware")
     until(lambda: machine.pid("DServer") or failed(served), "the robot runs")
-    run = machine.start("run", str(tmp_path / "lighting.colony"), "--robot", robot, "--connect")
+    run = machine.start("drive", str(tmp_path / "lighting.colony"), "--robot", robot)
     until(lambda: "True" in _commands(tmp_path / "Good") or failed(served, run), "the light shines")
     line = DRIVERS.splitlines().index("        open(file).close()") + 1
     late = f"{lab}/lab_drivers.py:{line}: FileNotFoundError"

@@ -7,7 +7,7 @@ from contextlib import closing
 import pytest
 
 from colony.drivers.emulator import Emulator, room
-from colony.drivers.pioneer.firmware import Firmware
+from colony.drivers.pioneer.firmware import PioneerFirmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.runtime.kit.connection import Session
 from colony.runtime.library import robot as library
@@ -15,7 +15,7 @@ from tests.cli.machine import WANDER, Machine, Started, audited, failed
 from tests.waiting import until
 
 
-def call(machine: Machine, robot: Firmware, *started: Started) -> None:
+def call(machine: Machine, robot: PioneerFirmware, *started: Started) -> None:
     """Hold calls of RServer to what they do in the robot."""
     session = Session.open("pioneer", environment=machine.environment)
     with session, session.connect("RServer", name="test", priority=1000) as base:
@@ -31,13 +31,13 @@ def call(machine: Machine, robot: Firmware, *started: Started) -> None:
 
 @pytest.mark.long
 def test_wander_drives_until_the_stop_button_is_pressed(machine: Machine) -> None:
-    robot = Firmware(MODELS["p3dx-sh"], around=room(8000.0, 8000.0))
+    robot = PioneerFirmware(MODELS["p3dx-sh"], around=room(8000.0, 8000.0))
     with closing(Emulator(robot, baud=38400)) as emulator:
         emulator.start()
         port = ("--port", emulator.port, "--baud", "38400")
         served = machine.start("serve", "all", "--robot", "pioneer", *port)
         until(lambda: robot.motors or failed(served), "the robot is ready")
-        run = machine.start("run", WANDER, "--robot", "pioneer", "--connect", "--record", "run.mcap")
+        run = machine.start("drive", WANDER, "--robot", "pioneer", "--record", "run.mcap")
         until(lambda: robot.pose[0] > 500.0 or failed(served, run), "wander drives")
         call(machine, robot, served, run)
         robot.stop_button = True

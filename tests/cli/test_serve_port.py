@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from colony.drivers.create2.codec import Mode
-from colony.drivers.create2.firmware import Firmware, World
+from colony.drivers.create2.codec import OiMode
+from colony.drivers.create2.firmware import Create2Firmware, EmulatedWorld
 from colony.drivers.emulator import Emulator, room
 from tests.cli.conftest import Colony
 from tests.cli.machine import Machine, audited, failed
@@ -39,7 +39,7 @@ def test_the_robot_of_the_page(machine: Machine, tmp_path: Path) -> None:
         robot = f"rome={tmp_path / 'robots' / 'rover'}"
         served = machine.start("serve", "all", "--robot", robot, "--port", rover.port)
         until(lambda: machine.pid("DServer") or served.ended(), "the robot runs")
-        run = machine.start("run", str(tmp_path / "cruise.colony"), "--robot", robot, "--connect")
+        run = machine.start("drive", str(tmp_path / "cruise.colony"), "--robot", robot)
         until(lambda: moves() or served.ended() or run.ended(), "the robot drives and grasps")
         assert not served.ended(), served.err
         assert not run.ended(), run.err
@@ -106,13 +106,13 @@ LEFT_SAFE_MODE = "left safe mode (a wheel hangs)"
 
 @pytest.mark.long
 def test_bounce_drives_until_the_robot_is_lifted(machine: Machine) -> None:
-    robot = Firmware(World(range=room(3000.0, 2000.0)))
+    robot = Create2Firmware(EmulatedWorld(range=room(3000.0, 2000.0)))
     with closing(Emulator(robot, baud=115_200)) as emulator:
         emulator.start()
         served = machine.start("serve", "all", "--robot", "create2", "--port", emulator.port)
-        until(lambda: robot.mode == Mode.SAFE or failed(served), "the robot is ready")
+        until(lambda: robot.mode == OiMode.SAFE or failed(served), "the robot is ready")
         bounce = str(ROOT / "behaviors" / "bounce.colony")
-        run = machine.start("run", bounce, "--robot", "create2", "--connect", "--record", "run.mcap")
+        run = machine.start("drive", bounce, "--robot", "create2", "--record", "run.mcap")
         until(lambda: robot.pose[0] > 300.0 or failed(served, run), "bounce drives")
         robot.drops = (True, True)
         until(lambda: robot.wheels == (0.0, 0.0), "it stands")

@@ -1,4 +1,4 @@
-"""`colony run --shadow` reads a robot and commands nothing, whatever it would do and becomes of it."""
+"""`colony shadow` reads a robot and commands nothing, whatever it would do and becomes of it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from colony.drivers.create2.codec import Mode
-from colony.drivers.create2.firmware import Firmware, World
+from colony.drivers.create2.codec import OiMode
+from colony.drivers.create2.firmware import Create2Firmware, EmulatedWorld
 from colony.drivers.emulator import Emulator, room
 from colony.runtime.kit.connection import Session
 from tests.cli.conftest import Colony, server_states
@@ -36,12 +36,12 @@ def audited(colony: Colony, recording: Path) -> dict[str, object]:
 
 @pytest.mark.long
 def test_a_create_never_moves(machine: Machine, colony: Colony) -> None:
-    robot = Firmware(World(range=room(6000.0, 6000.0)))
+    robot = Create2Firmware(EmulatedWorld(range=room(6000.0, 6000.0)))
     with closing(Emulator(robot, baud=115_200)) as emulator:
         emulator.start()
         served = machine.start("serve", "all", "--robot", "create2", "--port", emulator.port)
-        until(lambda: robot.mode == Mode.SAFE or failed(served), "the robot is ready")
-        shadow = machine.start("run", BOUNCE, "--shadow", "--robot", "create2", "--record", "shadow.mcap")
+        until(lambda: robot.mode == OiMode.SAFE or failed(served), "the robot is ready")
+        shadow = machine.start("shadow", BOUNCE, "--robot", "create2", "--record", "shadow.mcap")
         until(lambda: "by cruise" in shadow.err or failed(served, shadow), "it would drive")
         shown = lines(shadow)
         until(lambda: lines(shadow) >= shown + 3 or failed(served, shadow), "it would go on")
@@ -58,9 +58,9 @@ def test_a_create_never_moves(machine: Machine, colony: Colony) -> None:
 def test_whoever_drives_never_notices(machine: Machine, colony: Colony) -> None:
     served = machine.start("serve", "all", "--robot", "rome", "--map", MAP)
     until(lambda: machine.pid("RServer") or failed(served), "the robot runs")
-    run = machine.start("run", WANDER, "--connect", "--record", "run.mcap")
+    run = machine.start("drive", WANDER, "--record", "run.mcap")
     until(lambda: machine.moves() or failed(served, run), "wander drives")
-    shadow = machine.start("run", TELEOP, "--shadow", "--robot", "rome", "--record", "shadow.jsonl")
+    shadow = machine.start("shadow", TELEOP, "--robot", "rome", "--record", "shadow.jsonl")
     until(lambda: lines(shadow) or failed(served, run, shadow), "teleop would decide")
     with machine.session() as session:
         shadow.tell(signal.SIGSTOP)
@@ -92,7 +92,7 @@ def test_behind_a_gateway_the_right_to_read_is_enough(
     )
     until(lambda: (machine.pid("Gateway") and machine.truth()) or failed(served), "the robot runs")
     connected = ("--robot", "rome", "--connect", gateway, "--security", str(login))
-    shadow = machine.start("run", WANDER, *connected, "--shadow", "--duration", "3", "--record", "s.mcap")
+    shadow = machine.start("shadow", WANDER, *connected, "--duration", "3", "--record", "s.mcap")
     assert shadow.wait() == 0, shadow.err
     assert lines(shadow)
     assert audited(colony, shadow.folder / "s.mcap")["shadow"] is True
@@ -112,26 +112,10 @@ def frames(session: Session) -> int:
     return 0 if found is None else found.frames
 
 
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        ("--map loop", "--map: the robot is already running"),
-        ("--processes", "--processes: the robot is already running"),
-        ("--movers 2", "--movers: the robot is already running"),
-        ("--hazards 0", "--hazards: the robot is already running"),
-        ("--realtime", "--realtime: the robot is already running"),
-        ("--set Wish=1", "--set: --shadow sets and commands nothing"),
-        ("--scenario x.scenario", "--scenario: --shadow sets and commands nothing"),
-        ("--to 216", "--to: --shadow sets and commands nothing"),
-        ("--watch", "--watch: `colony watch --robot NAME` shows a robot that is running"),
-        ("--isolate", "--isolate: the clients of --shadow are in this process"),
-        ("--picture run.png", "--picture: the path is not that of this program"),
-    ],
-)
-def test_what_makes_no_sense_in_a_shadow(colony: Colony, options: str, text: str) -> None:
-    err = colony.refusal("run", WANDER, "--shadow", *options.split())
-    assert f"--shadow cannot be combined with {text}" in err
+@pytest.mark.parametrize("option", ["--map", "--set", "--to", "--watch", "--isolate", "--picture"])
+def test_shadow_lacks_options_that_command(colony: Colony, option: str) -> None:
+    assert f"No such option '{option}'" in colony.one_line("shadow", WANDER, option)
 
 
 def test_a_robot_that_does_not_run(machine: Machine, colony: Colony) -> None:
-    assert "no process of `rome` runs on this machine" in colony.refusal("run", WANDER, "--shadow")
+    assert "no process of `rome` runs on this machine" in colony.refusal("shadow", WANDER)

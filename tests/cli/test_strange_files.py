@@ -18,7 +18,7 @@ from colony.dsl import files as dsl_files
 from colony.execute import colonyc
 from colony.files import size_text
 from colony.nav.maps import source as map_source
-from colony.robots import python_sources
+from colony.runs import compiled
 from colony.runtime.recordings import mcap_reader, replay
 from colony.runtime.transport.live import security
 from colony.vision import image_files
@@ -51,7 +51,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {
     "trace --input, MCAP": ("trace", WANDER, "--input", "FILE.mcap"),
     "run": ("run", "FILE.colony", "--map", MAP),
     "run --map": ("run", WANDER, "--map", "FILE.stickrep"),
-    "run --security": ("run", WANDER, "--robot", "rome", *USERS),
+    "drive --security": ("drive", WANDER, "--robot", "rome", *USERS),
     "serve all": ("serve", "all", "--robot", "rome", "--map", "FILE.stickrep"),
     "serve Gateway": (*("serve", "Gateway", "--robot", "rome", "--listen", "tls/127.0.0.1:0"), *USERS[2:]),
     "watch": ("watch", "FILE.mcap"),
@@ -185,7 +185,7 @@ def test_an_import_that_is_too_large(tmp_path: Path, colony: Colony) -> None:
 
 def test_a_module_that_is_too_large_is_left_out_of_recordings(tmp_path: Path, colony: Colony) -> None:
     (tmp_path / "large_plan.py").write_text(
-        "class Plan:\n    def step(self, frame):\n        return None\n" + "#" * python_sources.SOURCE_BYTES
+        "class Plan:\n    def step(self, frame):\n        return None\n" + "#" * compiled.SOURCE_BYTES
     )
     (tmp_path / "b.colony").write_text(
         """
@@ -219,7 +219,7 @@ def test_the_limits_on_the_page_are_those_of_the_code() -> None:
     page = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
     for file, limit in LIMITS.items():
         assert f"| {file} | {size_text(limit)} |" in page, file
-    module = size_text(python_sources.SOURCE_BYTES)
+    module = size_text(compiled.SOURCE_BYTES)
     assert f"| module in Python, in a recording | {module}; a larger one is left out |" in page
     pixels = image_files.MAX_PIXELS // 10**6
     assert f"| picture | {size_text(image_files.MAX_BYTES)}, and {pixels} million pixels |" in page

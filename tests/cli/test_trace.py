@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from colony.ir.frame import Frame
-from colony.runtime.recordings.replay import Row
+from colony.runtime.recordings.replay import RecordingLine
 from tests.cli.conftest import Colony
 
 BACKENDS = ["network", "clients", "python"]
@@ -148,8 +148,8 @@ def test_times_beyond_doubles_keep_their_nanoseconds(colony: Colony, behavior: P
 def test_frames_that_cannot_be_read_to_the_end(
     colony: Colony, behavior: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(_: object) -> Iterator[Row]:
-        yield Row(1, "", Frame(0, {}), {})
+    def broken(_: object) -> Iterator[RecordingLine]:
+        yield RecordingLine(1, "", Frame(0, {}), {})
         raise OSError(5, "Input/output error")
 
     monkeypatch.setattr("colony.runtime.recordings.replay.Rows.__iter__", broken)

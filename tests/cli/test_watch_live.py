@@ -106,7 +106,7 @@ def test_a_robot_is_watched_before_a_program_after_it_and_restarted(machine: Mac
                 moving.result()
             shown.until(lambda m: m.get("snapshot", {}).get("stopped_by") is not None)
             release(session)
-    run = machine.start("run", WANDER, "--connect", "--robot", ROBOT)
+    run = machine.start("drive", WANDER, "--robot", ROBOT)
     until(lambda: failed(run) or "cruise" in shown_scene(watcher)["modules"], "the program is shown")
     assert run.interrupt() == 130
     until(lambda: shown_scene(watcher)["is_idle"], "the robot is shown without it")

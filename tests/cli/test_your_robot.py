@@ -43,7 +43,7 @@ def test_the_robot_drives_with_its_drivers(machine: Machine, tmp_path: Path) -> 
     served = machine.start("serve", "all", "--robot", robot, "--hardware", "--map", "loop")
     until(lambda: "safe\n" in _text(hitch) or failed(served), "the hitch was made safe")
     (tmp_path / "go").touch()
-    run = machine.start("run", str(tmp_path / "tow.colony"), "--robot", robot, "--connect")
+    run = machine.start("drive", str(tmp_path / "tow.colony"), "--robot", robot)
     until(lambda: "drive by cruise" in run.err or failed(served, run), "it drives")
     assert re.match(r"(safe\n)+close\n", _text(hitch))
     (tmp_path / "go").unlink()

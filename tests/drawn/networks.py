@@ -15,12 +15,12 @@ from colony.ir.program import (
     Actuator,
     ActuatorField,
     Chain,
-    Command,
     Contract,
     Module,
     Program,
     Robot,
     Sensor,
+    TransferFunction,
     Use,
     Wire,
     Wiring,
@@ -145,7 +145,7 @@ def _module(choices: Choices, i: int, actuators: Sequence[str | None]) -> Module
         name=f"m{i}",
         failsafe=failsafe,
         when=SensorValue(type=BOOL, name=f"p{i}"),
-        command=Command(actuator=actuator, fields=(number,)) if actuator else None,
+        command=TransferFunction(actuator=actuator, fields=(number,)) if actuator else None,
     )
 
 

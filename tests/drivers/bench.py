@@ -8,7 +8,7 @@ from typing import Generic
 
 from colony.drivers.dialect import Dialect, OpeningRun, Packet
 from colony.drivers.emulator import STEP_S, Firmware
-from colony.drivers.measurements import Measurements
+from colony.drivers.line import Measurements
 from colony.runtime.servers.drivers import BaseState
 
 STEP_NS = round(STEP_S * 1e9)

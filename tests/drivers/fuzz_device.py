@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from colony.drivers.dialect import REFUSALS, Dialect, OpeningError, OpeningRun
-from colony.drivers.measurements import Measurements
+from colony.drivers.line import Measurements
 from colony.ir.types import ScalarValue
 from colony.runtime.servers.drivers import BaseState
 

@@ -97,19 +97,19 @@ def pioneer_at(baud: int) -> Base:
     return Base(
         robot="pioneer",
         baud=baud,
-        make=lambda: pioneer_firmware.Firmware(MODELS["p3dx-sh"]),
+        make=lambda: pioneer_firmware.PioneerFirmware(MODELS["p3dx-sh"]),
         velocity=lambda points: points[0],
         command_bytes=len(pioneer.Pioneer().drive(50.0, 0.0)),
         period_s=0.1,
         watchdog_s=2.0,
-        stops_itself=lambda robot: isinstance(robot, pioneer_firmware.Firmware) and robot.is_timed_out,
+        stops_itself=lambda robot: isinstance(robot, pioneer_firmware.PioneerFirmware) and robot.is_timed_out,
     )
 
 
 CREATE2 = Base(
     robot="create2",
     baud=create2.Create2.baud,
-    make=create2_firmware.Firmware,
+    make=create2_firmware.Create2Firmware,
     velocity=sum,
     command_bytes=len(create2.Create2().drive(50.0, 0.0)),
     period_s=create2_firmware.STREAM_S,
@@ -211,14 +211,14 @@ class Served:
         failed(self.supervisor)
         if self.leader is None or self.leader.ended():
             if self._runs.robot(self.base.robot).running().keys() >= SERVERS:
-                self.leader = self._machine.start("run", os.fspath(self._program), *self._connected)
+                self.leader = self._machine.start("drive", os.fspath(self._program), *self._connected)
             return False
         last = self.robot.heard[-10:]
         return len(last) == 10 and self.moves() and all(self.base.velocity(one) > 0.0 for _, one in last)
 
     @property
     def _connected(self) -> tuple[str, ...]:
-        return ("--robot", self.base.robot, "--connect")
+        return ("--robot", self.base.robot)
 
     def end_program(self) -> None:
         """End the program, which may be frozen."""

@@ -20,7 +20,15 @@ import pytest
 from colony.drivers import guarded
 from colony.drivers import line as line_module
 from colony.drivers.dialect import Readings
-from colony.drivers.guarded import Command, GuardConnection, GuardError, Lost, Sent, Up, connect
+from colony.drivers.guarded import (
+    GuardConnection,
+    GuardedCommand,
+    GuardError,
+    PortLost,
+    SendOutcome,
+    Up,
+    connect,
+)
 from colony.drivers.link import LinkError
 from colony.drivers.serial_base import SerialBase, SerialFields
 from colony.runtime.transport.live.run_directory import RunDirectory
@@ -362,8 +370,8 @@ def test_drivers_of_one_dialect_share_a_line_until_the_last_is_closed(robot: Tin
 
 
 def test_each_channel_is_stopped_by_its_own_deadline_and_all_when_the_driver_ends(robot: TinyRobot) -> None:
-    patient = Command(stop=Tiny.stop_bytes, goodbye=Tiny.goodbye, deadline_ns=600_000_000_000)
-    hasty = Command(stop=Tiny.jaw_stop, goodbye=Tiny.goodbye, deadline_ns=150_000_000)
+    patient = GuardedCommand(stop=Tiny.stop_bytes, goodbye=Tiny.goodbye, deadline_ns=600_000_000_000)
+    hasty = GuardedCommand(stop=Tiny.jaw_stop, goodbye=Tiny.goodbye, deadline_ns=150_000_000)
     connection, dialect = connect(robot.port, 0, b"", patient, hasty), Tiny()
 
     def jaw_closes() -> bool:
@@ -377,8 +385,8 @@ def test_each_channel_is_stopped_by_its_own_deadline_and_all_when_the_driver_end
         wait_for(jaw_closes)
         wait_for(lambda: robot.jaw == 0)
         connection.ask_sent(7, 1, stops=True)
-        while (event := connection.receive(PATIENCE_S)) != Sent(7, ""):
-            assert not isinstance(event, Sent)
+        while (event := connection.receive(PATIENCE_S)) != SendOutcome(7, ""):
+            assert not isinstance(event, SendOutcome)
         assert robot.speeds == (200, 0)
         connection.ask_sent(8, 9, stops=True)  # there is no such channel
         wait_for(jaw_closes)
@@ -433,7 +441,7 @@ def test_a_base_and_a_gripper_command_over_one_line(robot: TinyRobot) -> None:
 
 
 def test_one_driver_alone_commands(robot: TinyRobot) -> None:
-    command = Command(stop=b"", goodbye=b"", deadline_ns=150_000_000)
+    command = GuardedCommand(stop=b"", goodbye=b"", deadline_ns=150_000_000)
     first = connect(robot.port, 0, b"", command)
     os.kill(guard_pid(robot), signal.SIGSTOP)
     second = connect(robot.port, 0, b"", command)
@@ -514,16 +522,16 @@ def test_a_busy_port(robot: TinyRobot) -> None:
         fcntl.flock(other, fcntl.LOCK_EX)
         with closing(connect(robot.port, 0, b"")) as connection:
             event = connection.receive(PATIENCE_S)
-            while event == Lost("the port is not open yet"):
+            while event == PortLost("the port is not open yet"):
                 event = connection.receive(PATIENCE_S)
-            assert isinstance(event, Lost)
+            assert isinstance(event, PortLost)
             assert f"is busy: process {os.getpid()} (" in event.why
             fcntl.flock(other, fcntl.LOCK_UN)
             await_up(connection)
 
 
 def test_decisions_that_are_too_old_move_nothing(robot: TinyRobot) -> None:
-    command = Command(stop=Tiny.stop_bytes, goodbye=b"", deadline_ns=150_000_000)
+    command = GuardedCommand(stop=Tiny.stop_bytes, goodbye=b"", deadline_ns=150_000_000)
     with closing(connect(robot.port, 0, b"", command)) as connection:
         await_up(connection)
         dialect = Tiny()

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import random
 
-from colony.drivers.guard import MAX_WAITING, REPEATS_NS, Outbox
+from colony.drivers.guard import MAX_WAITING, REPEATS_NS, PacketQueue
 
 MS = 1_000_000
 
 
-def written(outbox: Outbox, now_ns: int) -> list[bytes]:
+def written(outbox: PacketQueue, now_ns: int) -> list[bytes]:
     packets = []
     while packet := outbox.next(now_ns):
         packets.append(packet)
@@ -18,7 +18,7 @@ def written(outbox: Outbox, now_ns: int) -> list[bytes]:
 
 
 def test_the_newest_decision_alone_is_sent_and_first() -> None:
-    outbox = Outbox(0)
+    outbox = PacketQueue(0)
     outbox.add(b"query")
     outbox.decide(b"old")
     outbox.decide(b"new")
@@ -27,7 +27,7 @@ def test_the_newest_decision_alone_is_sent_and_first() -> None:
 
 
 def test_a_stop_with_a_new_driver_drops_what_waits_and_is_repeated() -> None:
-    outbox = Outbox(0)
+    outbox = PacketQueue(0)
     outbox.add(b"query")
     outbox.decide(b"go")
     outbox.stop(b"stop", 0)
@@ -36,7 +36,7 @@ def test_a_stop_with_a_new_driver_drops_what_waits_and_is_repeated() -> None:
 
 
 def test_a_stop_may_leave_the_last_settings_of_an_opening() -> None:
-    outbox = Outbox(0)
+    outbox = PacketQueue(0)
     outbox.add(b"enable")
     outbox.decide(b"go")
     outbox.stop(b"stop", 0, drops_plain=False)
@@ -44,7 +44,7 @@ def test_a_stop_may_leave_the_last_settings_of_an_opening() -> None:
 
 
 def test_a_decision_ends_the_repeats() -> None:
-    outbox = Outbox(0)
+    outbox = PacketQueue(0)
     outbox.stop(b"stop", 0)
     assert written(outbox, 0) == [b"stop"]
     outbox.decide(b"go")
@@ -52,7 +52,7 @@ def test_a_decision_ends_the_repeats() -> None:
 
 
 def test_a_channel_replaces_and_stops_only_what_is_its_own() -> None:
-    outbox = Outbox(0)
+    outbox = PacketQueue(0)
     for packet, channel in ((b"old", 0), (b"grip", 1), (b"go", 0)):
         outbox.decide(packet, channel)
     assert written(outbox, 0) == [b"go", b"grip"]
@@ -66,7 +66,7 @@ def test_a_channel_replaces_and_stops_only_what_is_its_own() -> None:
 
 
 def test_decisions_of_several_channels_take_turns() -> None:
-    outbox, sent = Outbox(9600), b""
+    outbox, sent = PacketQueue(9600), b""
     for i in range(40):  # faster than the line, which takes 5 ms for each
         for channel, packet in enumerate((b"<go> ", b"<jaw>")):
             outbox.decide(packet, channel)
@@ -75,7 +75,7 @@ def test_decisions_of_several_channels_take_turns() -> None:
 
 
 def test_a_stop_is_sent_although_another_channel_keeps_the_line_busy() -> None:
-    outbox = Outbox(9600)
+    outbox = PacketQueue(9600)
     outbox.stop(b"open", 0, 1)
     for i in range(10):
         outbox.decide(b"go", 0)
@@ -87,7 +87,7 @@ def test_a_stop_is_sent_although_another_channel_keeps_the_line_busy() -> None:
 
 
 def test_a_stop_is_sent_once_the_line_has_carried_all_of_it() -> None:
-    outbox = Outbox(9600)
+    outbox = PacketQueue(9600)
     assert outbox.is_sent(0) is None
     outbox.stop(b"stop", 0)
     packet = outbox.next(0)
@@ -104,7 +104,7 @@ def test_a_stop_is_sent_once_the_line_has_carried_all_of_it() -> None:
 
 
 def test_nothing_waits_where_it_cannot_be_dropped() -> None:
-    outbox = Outbox(9600)  # 9 bytes take 9.375 ms
+    outbox = PacketQueue(9600)  # 9 bytes take 9.375 ms
     outbox.add(b"nine byte")
     outbox.add(b"dropped")
     assert written(outbox, 0) == [b"nine byte"]
@@ -117,7 +117,7 @@ def test_nothing_waits_where_it_cannot_be_dropped() -> None:
 def test_no_packet_is_torn_whatever_the_port_takes() -> None:
     rng = random.Random(1)
     for _ in range(300):
-        outbox, wire, now_ns = Outbox(rng.choice((0, 9600))), b"", 0
+        outbox, wire, now_ns = PacketQueue(rng.choice((0, 9600))), b"", 0
         for _ in range(60):
             match rng.randrange(4):
                 case 0:
@@ -137,7 +137,7 @@ def test_no_packet_is_torn_whatever_the_port_takes() -> None:
 
 
 def test_plain_packets_are_limited() -> None:
-    outbox = Outbox(0)
+    outbox = PacketQueue(0)
     for _ in range(2 * MAX_WAITING):
         outbox.add(b"x")
     assert len(written(outbox, 0)) == MAX_WAITING

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from colony.drivers import guarded
-from colony.drivers.guarded import Command, connect
+from colony.drivers.guarded import GuardedCommand, connect
 from colony.drivers.serial_base import SerialActuators, SerialBase, SerialFields
 from tests.drivers.test_guard import PATIENCE_S, await_refusal, await_up
 from tests.drivers.tiny import HELLO, JAW, SPEEDS, Tiny, decoder, encoded
@@ -90,7 +90,7 @@ def test_a_guard_that_a_listener_starts_leaves_the_beginning_to_the_driver(simul
 
 
 def test_what_was_sent_before_a_line_was_open_does_not_begin_it(simulator: Simulator) -> None:
-    command = Command(stop=Tiny.stop_bytes, goodbye=b"", deadline_ns=150_000_000, handshake_first=True)
+    command = GuardedCommand(stop=Tiny.stop_bytes, goodbye=b"", deadline_ns=150_000_000, handshake_first=True)
     with closing(connect(simulator.port, 0, b"", command)) as driver:
         driver.send(Tiny.goodbye)
         with closing(connect(simulator.port, 0, b"", command)) as second:

@@ -127,7 +127,7 @@ def test_who_holds_a_busy_port(monkeypatch: pytest.MonkeyPatch) -> None:
     )
 
 
-def _read(opened: link.Link, size: int) -> bytes:
+def _read(opened: link.ByteLink, size: int) -> bytes:
     data = b""
     while len(data) < size:
         data += opened.read()

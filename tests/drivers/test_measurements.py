@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from colony.drivers.dialect import ImplausibleError, Readings
-from colony.drivers.measurements import Measurements
+from colony.drivers.line import Measurements
 from colony.runtime.servers.drivers import BaseState, Reading
 
 STATE = BaseState(

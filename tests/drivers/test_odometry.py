@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.drivers.dialect import ImplausibleError
-from colony.drivers.odometry import RESTARTS_AFTER, Pose, Registers, along_arc, wrapped_difference
+from colony.drivers.odometry import RESTARTS_AFTER, OdometryPose, Registers, along_arc, wrapped_difference
 
 SECOND = 1_000_000_000
 
@@ -47,17 +47,19 @@ def test_restarted_registers_do_not_jump() -> None:
 
 
 def test_a_quarter_circle_to_the_left() -> None:
-    pose = along_arc(Pose(), 1000.0 * math.pi / 2, 90.0)  # from north, around a center 1 m to the west
+    pose = along_arc(
+        OdometryPose(), 1000.0 * math.pi / 2, 90.0
+    )  # from north, around a center 1 m to the west
     assert (pose.x, pose.y, pose.heading) == (pytest.approx(-1000.0), pytest.approx(1000.0), 90.0)
 
 
 @given(st.floats(-500, 500), st.floats(-170, 170), st.floats(0, 359))
 def test_an_arc_is_the_limit_of_short_straight_lines(distance: float, turned: float, heading: float) -> None:
-    pose = end = Pose(heading=heading)
+    pose = end = OdometryPose(heading=heading)
     for _ in range(2000):
         middle = math.radians(pose.heading + turned / 4000)
         step = distance / 2000
-        pose = Pose(
+        pose = OdometryPose(
             pose.x - step * math.sin(middle), pose.y + step * math.cos(middle), pose.heading + turned / 2000
         )
     end = along_arc(end, distance, turned)

@@ -17,11 +17,11 @@ from colony.body.model import Body
 from colony.body.servers import servers_of
 from colony.body.shipped import shipped_body
 from colony.drivers.create2.create2 import Create2
-from colony.drivers.create2.firmware import Firmware as CreateFirmware
-from colony.drivers.create2.firmware import World as CreateWorld
+from colony.drivers.create2.firmware import Create2Firmware as CreateFirmware
+from colony.drivers.create2.firmware import EmulatedWorld as CreateWorld
 from colony.drivers.dialect import OpeningError
 from colony.drivers.emulator import Surroundings, room
-from colony.drivers.pioneer.firmware import Firmware as PioneerFirmware
+from colony.drivers.pioneer.firmware import PioneerFirmware as PioneerFirmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import Pioneer
 from colony.runtime.servers.drivers import BaseState

@@ -24,7 +24,7 @@ from colony.drivers.dialect import (
     Send,
     SlidingDecoder,
 )
-from colony.drivers.odometry import Pose, Registers
+from colony.drivers.odometry import OdometryPose, Registers
 from colony.drivers.serial_base import SerialActuators, SerialBase, SerialFields
 from colony.runtime.servers.drivers import BaseState
 from tests.drivers.fuzz import Case
@@ -102,7 +102,7 @@ class Tiny(Dialect[bytes]):
 
     def __init__(self) -> None:
         self._registers = Registers(16, 16, max_rate=1000.0)
-        self._pose = Pose()
+        self._pose = OdometryPose()
 
     def decoder(self) -> SlidingDecoder[bytes]:
         return decoder()
@@ -123,7 +123,7 @@ class Tiny(Dialect[bytes]):
             case 1:
                 x, y, heading = struct.unpack_from("<hhH", packet, 1)
                 (dx, dy), _ = self._registers.step((x, y), t_ns)
-                self._pose = Pose(self._pose.x + dx, self._pose.y + dy, heading / 100)
+                self._pose = OdometryPose(self._pose.x + dx, self._pose.y + dy, heading / 100)
                 return Readings(base=_state(self._pose, t_ns))
             case 2:
                 return Readings(fields={"volts": packet[1] / 10})
@@ -140,7 +140,7 @@ class Tiny(Dialect[bytes]):
         return encoded(struct.pack("<Bb", JAW, round(speed)))
 
 
-def _state(pose: Pose, t_ns: int) -> BaseState:
+def _state(pose: OdometryPose, t_ns: int) -> BaseState:
     return BaseState(
         t_ns=t_ns,
         x=pose.x,

@@ -58,10 +58,10 @@ def test_an_if_stands_without_parentheses_inside_brackets() -> None:
 
 def test_wiring_is_kept_flat() -> None:
     chain = wiring("a suppresses[1 s] b suppresses c")
-    assert isinstance(chain, ast.Chain)
+    assert isinstance(chain, ast.ChainNode)
     assert chain.operands == tuple(ast.Reference(path=(n,)) for n in "abc")
     assert [link.relation for link in chain.links] == ["suppresses", "suppresses"]
-    assert chain.links[0].window == ast.Number(digits="1", unit="s")
+    assert chain.links[0].window == ast.NumberNode(digits="1", unit="s")
     assert chain.links[1].window is None
     assert wiring("((a)) suppresses (b) suppresses c") == wiring("a suppresses b suppresses c")
     assert wiring("(a suppresses b) suppresses c") != wiring("a suppresses b suppresses c")
@@ -103,7 +103,7 @@ def test_places() -> None:
     assert isinstance(let.value, ast.Infix)
     assert shown(let.value) == "12 mm + min(a.b, -c)"
     assert shown(let.value.left) == "12 mm"
-    assert isinstance(let.value.right, ast.Call)
+    assert isinstance(let.value.right, ast.CallNode)
     assert [shown(a) for a in let.value.right.arguments] == ["a.b", "-c"]
 
 

@@ -63,6 +63,16 @@ def test_tables_of_another_lark_are_replaced(cache: Path, monkeypatch: pytest.Mo
     assert (cache / "grammar").read_bytes() != first
 
 
+def test_tables_of_another_colony_are_replaced(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first = (cache / "grammar").read_bytes()
+    (tmp_path / "build.py").write_text("class Builder: ...\n")
+    monkeypatch.setattr(parser, "BUILD", tmp_path / "build.py")
+    assert _reads()
+    assert (cache / "grammar").read_bytes() != first
+
+
 @pytest.mark.usefixtures("cache")
 def test_without_a_place_for_them_the_tables_are_made(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", os.devnull)

@@ -8,7 +8,7 @@ import pytest
 
 from colony.dsl.load import check_file
 from colony.verify.contracts.prove import prove_contracts
-from colony.verify.contracts.results import Options, Proved
+from colony.verify.contracts.results import ProofOptions, Proved
 from colony.verify.testing.examples import run_examples
 from tests.examples.stage import ROOT
 
@@ -24,5 +24,5 @@ def test_a_behavior_is_right(path: Path) -> None:
     assert results
     assert [result.failures for result in results] == [()] * len(results)
     assert checked.program.contracts
-    verdicts = {r.contract.name: r for r in prove_contracts(checked.program, Options())}
+    verdicts = {r.contract.name: r for r in prove_contracts(checked.program, ProofOptions())}
     assert {name: type(r) for name, r in verdicts.items()} == dict.fromkeys(verdicts, Proved)

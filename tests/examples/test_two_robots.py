@@ -80,7 +80,7 @@ def watching(on: Machine) -> Iterator[Watch]:
 @pytest.mark.thorough
 def test_one_at_a_time_although_both_keepers_are_killed() -> None:
     with machine() as on:
-        programs = [c for c in COMMANDS if "run " in c or "keeper" in c]
+        programs = [c for c in COMMANDS if "drive " in c or "keeper" in c]
         building, *servers = [on.start(c) for c in COMMANDS if c not in programs]
         keepers = {robot: on.start(of(robot, "keeper.py")) for robot in ROBOTS}
         building.says("ada, ben")

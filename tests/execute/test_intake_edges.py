@@ -11,7 +11,7 @@ import pytest
 
 from colony.compile.backends.python.decision import _if
 from colony.dsl.load import load_text
-from colony.execute.sensors import members, stand_in
+from colony.execute.intake import members, stand_in
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.verify.testing.agreement import client_disagreement, disagreement

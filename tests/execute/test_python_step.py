@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from colony.execute.python_step import PythonStep, Snapshot
+from colony.execute.python_step import PythonStep, StepInput
 
 FIELDS: tuple[tuple[str, object], ...] = (("on", False), ("v", None), ("g", (0.0, 67.0)))
 GOOD = {"on": True, "v": 2, "g": 67}
@@ -18,9 +18,9 @@ class Scripted:
     """Answers with what it is given, in turn, and keeps what it was given."""
 
     def __init__(self, *answers: object) -> None:
-        self.answers, self.given = list(answers), list[Snapshot]()
+        self.answers, self.given = list(answers), list[StepInput]()
 
-    def step(self, frame: Snapshot) -> object:
+    def step(self, frame: StepInput) -> object:
         self.given.append(frame)
         answer = self.answers.pop(0)
         if isinstance(answer, Exception):
@@ -48,8 +48,8 @@ def stepping(*answers: object, rate: int | None = None) -> tuple[PythonStep, Scr
         lambda s: s.update(y=1),
     ],
 )
-def test_a_snapshot_stays_as_it_is(change: Callable[[Snapshot], object]) -> None:
-    snapshot = Snapshot(1.5, {"x": 1.0})
+def test_a_snapshot_stays_as_it_is(change: Callable[[StepInput], object]) -> None:
+    snapshot = StepInput(1.5, {"x": 1.0})
     with pytest.raises(TypeError, match=r"^a snapshot cannot be changed$"):
         change(snapshot)
     assert (dict(snapshot), snapshot.t) == ({"x": 1.0}, 1.5)

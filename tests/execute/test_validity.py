@@ -22,7 +22,7 @@ from colony.execute.code import (
 )
 from colony.execute.compiled import Compiled
 from colony.execute.validity import MAX_TIME_NS, InvalidProgramError, check
-from colony.ir.in_time import InTime
+from colony.ir.walk import InTime
 from tests.programs import compilation, robot
 
 TEXT = f"""{robot()}

@@ -8,7 +8,7 @@ from colony.dsl.load import load_text
 from colony.execute.intake import converted
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import in_declared_units
-from colony.robots.behavior import behavior_from
+from colony.runs.behavior import behavior_from
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.script import Script
 from colony.runtime.protocol.images import Image

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from colony.ir.types import Value
-from colony.robots.behavior import Behavior
+from colony.runs.behavior import Behavior
 from colony.runtime.assembly.loop import Loop, Watch
 from colony.runtime.kit.script import Script
 from colony.runtime.protocol.images import Shot

@@ -7,24 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.experiment.design import Experiment, Range, range_of
-from colony.experiment.programs import ProgramChoice
+from colony.experiment.design import Experiment, ProgramChoice, SweptRange, range_of
 from colony.nav.maps.world_map import load_world
-from colony.robots.request import RunRequest
+from colony.runs.spec import RunSpec
+from colony.sim.world_spec import WorldSpec
 from tests.paths import MAPS
 
 LOOP = load_world(MAPS / "loop.stickrep")
 ONE = ProgramChoice("one", "one.colony", None, None)
 OTHER = ProgramChoice("other", "other.colony", None, None)
-REQUEST = RunRequest(file="one.colony", map_path="loop", seed=5, length_ns=1, pinned_variables={}, cameras={})
+SPEC = RunSpec(file="one.colony", world=WorldSpec(map_path="loop", seed=5), length_ns=1)
 PLAIN = Experiment(
     name="e",
     programs=(ONE, OTHER),
-    request=REQUEST,
+    spec=SPEC,
     runs=4,
     varies_start=True,
-    movers=Range(0, 5, "", True),
-    params=(("clearance", Range(0.6, 1.4, "m", False)),),
+    movers=SweptRange(0, 5, "", True),
+    params=(("clearance", SweptRange(0.6, 1.4, "m", False)),),
     audit=0.5,
     digest="",
 )
@@ -33,15 +33,15 @@ PLAIN = Experiment(
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("0.6..1.4m", Range(0.6, 1.4, "m", False)),
-        ("600 mm .. 700 mm", Range(600, 700, "mm", False)),
-        ("0..5", Range(0, 5, "", True)),
-        ("0.0..5", Range(0, 5, "", False)),
-        ("-1e-3..2.5deg/s", Range(-0.001, 2.5, "deg/s", False)),
-        ("-30deg..30deg", Range(-30, 30, "deg", False)),
+        ("0.6..1.4m", SweptRange(0.6, 1.4, "m", False)),
+        ("600 mm .. 700 mm", SweptRange(600, 700, "mm", False)),
+        ("0..5", SweptRange(0, 5, "", True)),
+        ("0.0..5", SweptRange(0, 5, "", False)),
+        ("-1e-3..2.5deg/s", SweptRange(-0.001, 2.5, "deg/s", False)),
+        ("-30deg..30deg", SweptRange(-30, 30, "deg", False)),
     ],
 )
-def test_range_text_is_read(text: str, expected: Range) -> None:
+def test_range_text_is_read(text: str, expected: SweptRange) -> None:
     assert range_of(text) == expected
 
 
@@ -61,9 +61,9 @@ def test_trials_of_two_programs_have_the_same_inputs() -> None:
         (2, 6, "one"),
     ]
     for first, second in zip(trials[::2], trials[1::2], strict=True):
-        assert first.request == second.request
+        assert first.spec == second.spec
         assert first.params == second.params
-    assert len({t.request.start for t in trials}) == 4
+    assert len({t.spec.world.start for t in trials}) == 4
 
 
 def test_trial_does_not_depend_on_the_others() -> None:
@@ -73,7 +73,7 @@ def test_trial_does_not_depend_on_the_others() -> None:
 def test_further_input_leaves_the_others() -> None:
     fewer = replace(PLAIN, params=(), movers=None)
     for trial, one in zip(PLAIN.trials(LOOP, 300.0, [1, 2]), fewer.trials(LOOP, 300.0, [1, 2]), strict=True):
-        assert trial.request.start == one.request.start
+        assert trial.spec.world.start == one.spec.world.start
 
 
 def test_drawn_values_are_in_their_ranges() -> None:
@@ -81,7 +81,7 @@ def test_drawn_values_are_in_their_ranges() -> None:
     values = [dict(t.drawn)["clearance"] for t in trials]
     assert min(values) < 0.65 < 1.35 < max(values)
     assert all(0.6 <= value <= 1.4 for value in values)
-    assert {t.request.movers for t in trials} == set(range(6))
+    assert {t.spec.world.movers for t in trials} == set(range(6))
     assert all(t.params[0][1] == f"{t.drawn[0][1]:g} m" for t in trials)
 
 
@@ -98,8 +98,8 @@ def test_drawn_values_of_a_narrow_range_are_in_it_and_differ(text: str) -> None:
 
 
 def test_hazards_have_the_seed_of_the_run() -> None:
-    experiment = replace(PLAIN, request=replace(REQUEST, hazards=0), varies_start=False)
-    assert [t.request.hazards for t in experiment.trials(LOOP, 300.0, [1, 2])] == [5, 5, 6, 6]
+    experiment = replace(PLAIN, spec=SPEC.with_world(hazards=0), varies_start=False)
+    assert [t.spec.world.hazards for t in experiment.trials(LOOP, 300.0, [1, 2])] == [5, 5, 6, 6]
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from colony.experiment.programs import ProgramChoice, compiled_of, sources_digest
-from colony.robots.request import MisuseError
+from colony.experiment.design import ProgramChoice, compiled_of, sources_digest
+from colony.runs.spec import MisuseError
 
 BEHAVIOR = """
 language 1

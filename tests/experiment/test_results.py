@@ -14,7 +14,7 @@ from typing import Any, Literal
 
 import pytest
 
-from colony.experiment.results import KEY_COLUMNS, Points, Results, ResultsError, RunKey, Table
+from colony.experiment.results import KEY_COLUMNS, Points, Results, ResultsError, ResultTable, RunKey
 from tests.paths import ROOT
 
 
@@ -31,7 +31,7 @@ class Measured:
     path: Points = ((1, -2), (30_000, 4))
 
 
-TABLE = Table(
+TABLE = ResultTable(
     name="measured",
     kind=Measured,
     columns=(*KEY_COLUMNS, "failure", "error_mm", "found", "width", "height", "names", "path"),

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from colony.ir.expression import Constant, MemoryCall, SensorValue, subexpressions
 from colony.ir.program import Module
-from colony.ir.walk import all_subexpressions, expressions, expressions_of
-from colony.ir.wiring import wiring_graph
+from colony.ir.walk import all_subexpressions, expressions, expressions_of, wiring_graph
 from tests.programs import MS, program
 
 OF = program(

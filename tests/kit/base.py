@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from colony.runtime.arbitration.stop_latch import StopLatch
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, Deployment
 from colony.runtime.protocol.messages import (
     Alive,
@@ -158,16 +158,16 @@ class Stage(NodeStage):
         """No sign of life from here on."""
         self._alive.remove(connection)
 
-    def send(self, connection: str, ask: Ask[Any]) -> int:
+    def send(self, connection: str, ask: CallRequest[Any]) -> int:
         """Make a call; gives its number."""
         self.caller(connection).begin(ask)
         return self.caller(connection).number
 
-    def do(self, connection: str, ask: Ask[Any]) -> Any:
+    def do(self, connection: str, ask: CallRequest[Any]) -> Any:
         """Make a call that is answered at once, and does."""
         return self.caller(connection).do(ask)
 
-    def problem(self, connection: str, ask: Ask[Any]) -> Problem:
+    def problem(self, connection: str, ask: CallRequest[Any]) -> Problem:
         """Make a call that is refused at once."""
         return self.caller(connection).problem(ask)
 

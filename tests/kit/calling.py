@@ -6,20 +6,20 @@ from typing import Any
 
 import msgspec
 
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import NoArguments, Open
 from colony.runtime.protocol.messages import Call, Right
 
-CLOSE: Ask[None] = Ask("close", NoArguments(), None, "read")
+CLOSE: CallRequest[None] = CallRequest("close", NoArguments(), None, "read")
 """Ends a connection."""
 
 
-def opening(name: str) -> Ask[None]:
+def opening(name: str) -> CallRequest[None]:
     """Return what opens a connection that goes by a name."""
-    return Ask("open", Open(name=name), None, "read")
+    return CallRequest("open", Open(name=name), None, "read")
 
 
-def call_of(ask: Ask[Any], connection: str, number: int = 1, priority: int = 0) -> Call:
+def call_of(ask: CallRequest[Any], connection: str, number: int = 1, priority: int = 0) -> Call:
     """Return the message that asks a server."""
     return Call(
         connection=connection,
@@ -33,4 +33,4 @@ def call_of(ask: Ask[Any], connection: str, number: int = 1, priority: int = 0) 
 
 def plain_call(connection: str, number: int = 1, *, priority: int = 0, right: Right = "command") -> Call:
     """Return a call without arguments of a method that no server has."""
-    return call_of(Ask("m", None, None, right), connection, number, priority)  # type: ignore[arg-type]
+    return call_of(CallRequest("m", None, None, right), connection, number, priority)  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ from colony.compile.pipeline import compile_program
 from colony.ir.program import Program
 from colony.runtime.frames.clock import Clock
 from colony.runtime.library import clock as library
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.clock import Participants
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import Deployment, deployment
@@ -95,7 +95,7 @@ class Leader(Caller):
         super().__init__(stage, connection)
         self.ask(opening(connection))
 
-    def ask(self, ask: Ask[Any]) -> Reply:
+    def ask(self, ask: CallRequest[Any]) -> Reply:
         """Make a call, and let frames pass until it is answered."""
         self.begin(ask)
         while (self.name, self.number) not in self.stage.replies:

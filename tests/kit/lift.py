@@ -11,15 +11,14 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.runtime.assembly.virtual import Builders, VirtualRobot
 from colony.runtime.kit.commands import Command, command, parameter
-from colony.runtime.kit.description import Description, server_spec
-from colony.runtime.kit.fields import Field, FieldReader, Reading, field
+from colony.runtime.kit.description import Description, Field, FieldReader, Reading, field, server_spec
 from colony.runtime.kit.service import Service
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, Deployment
-from colony.runtime.protocol.messages import Effect, Request, Send, ServerFrame, Tick, Verdict
+from colony.runtime.protocol.messages import Effect, Request, SendMessage, ServerFrame, Tick, Verdict
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.transport.virtual import VirtualClock
 from tests.kit.calling import call_of, opening
@@ -122,7 +121,7 @@ def verdicts(effects: Sequence[Effect]) -> list[Verdict]:
 
 def frames(effects: Sequence[Effect]) -> list[ServerFrame]:
     topic = topics.frames("Lift")
-    return [e.message for e in effects if isinstance(e, Send) and e.topic == topic]  # type: ignore[misc]
+    return [e.message for e in effects if isinstance(e, SendMessage) and e.topic == topic]  # type: ignore[misc]
 
 
 PROGRAM = """
@@ -169,7 +168,7 @@ class Robot:
         deployed = deploy(self.robot.deployed)
         self.robot.transport.at(self.clock() + 1, lambda: self.call("Lift", deployed, leader, 2))
 
-    def call(self, server: str, ask: Ask[Any], connection: str = "eve/1", number: int = 1) -> None:
+    def call(self, server: str, ask: CallRequest[Any], connection: str = "eve/1", number: int = 1) -> None:
         """Make a call now."""
         self.robot.transport.inject(topics.calls(server), call_of(ask, connection, number))
 

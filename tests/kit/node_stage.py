@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.data import Change
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import (
@@ -19,7 +19,7 @@ from colony.runtime.protocol.messages import (
     Notice,
     Problem,
     Reply,
-    Send,
+    SendMessage,
     ServerFrame,
     SettlingNode,
     Wake,
@@ -43,7 +43,7 @@ class CallError(Exception):
 
 def messages(effects: Iterable[Effect], kind: type[T]) -> list[T]:
     """Return the messages of a type."""
-    return [e.message for e in effects if isinstance(e, Send) and isinstance(e.message, kind)]
+    return [e.message for e in effects if isinstance(e, SendMessage) and isinstance(e.message, kind)]
 
 
 def sent(node: Node, *batch: Message, now_ns: int = 0) -> list[Any]:
@@ -51,7 +51,7 @@ def sent(node: Node, *batch: Message, now_ns: int = 0) -> list[Any]:
     return messages([effect for message in batch for effect in node.handle(message, now_ns)], object)
 
 
-def result_of(ask: Ask[T], reply: Reply) -> T:
+def result_of(ask: CallRequest[T], reply: Reply) -> T:
     """Return the result of a call.
 
     Raises:
@@ -144,14 +144,14 @@ class Caller:
         self.stage, self.name, self.priority = stage, name, priority
         self.number = 0
 
-    def call(self, ask: Ask[Any], number: int | None = None) -> Call:
+    def call(self, ask: CallRequest[Any], number: int | None = None) -> Call:
         """The message of a call; the next one, unless it is given a number."""
         if number is None:
             self.number += 1
             number = self.number
         return call_of(ask, self.name, number, self.priority)
 
-    def begin(self, ask: Ask[Any], number: int | None = None) -> list[Effect]:
+    def begin(self, ask: CallRequest[Any], number: int | None = None) -> list[Effect]:
         """Make a call that may not be answered at once."""
         return self.stage.handle(self.call(ask, number))
 
@@ -163,17 +163,17 @@ class Caller:
     def close(self) -> None:
         self.begin(CLOSE)
 
-    def do(self, ask: Ask[T], number: int | None = None) -> T:
+    def do(self, ask: CallRequest[T], number: int | None = None) -> T:
         """The result of a call that is answered at once."""
         return result_of(ask, self._answer(self.begin(ask, number), number or self.number))
 
-    def problem(self, ask: Ask[Any]) -> Problem:
+    def problem(self, ask: CallRequest[Any]) -> Problem:
         """Why a call is refused at once."""
         problem = self._answer(self.begin(ask), self.number).problem
         assert problem is not None
         return problem
 
-    def refusal(self, ask: Ask[Any]) -> str:
+    def refusal(self, ask: CallRequest[Any]) -> str:
         """The code with which a call is refused at once."""
         return self.problem(ask).code
 
@@ -204,4 +204,4 @@ class Caller:
 
     def _mine(self, effects: Iterable[Effect]) -> list[Effect]:
         topic = topics.replies(self.stage.node.address, self.name)
-        return [e for e in effects if isinstance(e, Send) and e.topic == topic]
+        return [e for e in effects if isinstance(e, SendMessage) and e.topic == topic]

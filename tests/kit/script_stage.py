@@ -7,11 +7,10 @@ from typing import Any
 
 import msgspec
 
-from colony.runtime.assembly.loop import LocalCamera, LocalData
+from colony.runtime.assembly.loop import LocalCamera, LocalData, LocalScripts, LocalServer
 from colony.runtime.kit.script import Script
-from colony.runtime.kit.script_local import LocalScripts, LocalServer
 from colony.runtime.library import data
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.robot import PoseArguments, Position
 from colony.runtime.protocol.calls import CallId, Handler
 from colony.runtime.protocol.connections import Caller
@@ -83,7 +82,7 @@ class ScriptStage:
         """Signal a semaphore as another client."""
         self.ask(data.signal(semaphore))
 
-    def ask(self, asked: Ask[Any]) -> Any:
+    def ask(self, asked: CallRequest[Any]) -> Any:
         """Ask the data server, as another script does."""
         return self.data.do(ASKED, asked, self.now_ns)
 
@@ -148,7 +147,7 @@ def _arguments(arguments: Any) -> dict[str, Any]:
             return decoded
         case data.CreateSemaphore(name=name, value=value):
             return {name: value}
-        case data.Named(name=name):
+        case data.NameArguments(name=name):
             return {name: None}
         case _:
             return {}

@@ -6,9 +6,9 @@ import re
 
 import pytest
 
-from colony.nav.missions.goal_verification import Verdict
+from colony.nav.missions.goal_verification import GoalVerdict
 from colony.nav.pose.pose import PoseEstimate
-from colony.nav.pose.tracker import Source
+from colony.nav.pose.tracker import PoseSource
 from colony.vision.letters.decoding import network
 from tests.pages import page_text
 from tools.training.fonts import learned_fonts
@@ -17,7 +17,7 @@ LETTERS, POSE = map(page_text, ("letters.md", "pose.md"))
 
 
 def test_every_source_of_the_pose_is_explained() -> None:
-    assert all(f"\n| {source.value} | " in POSE for source in Source)
+    assert all(f"\n| {source.value} | " in POSE for source in PoseSource)
 
 
 def test_poses_and_verdicts_are_numbered_as_in_the_code() -> None:
@@ -25,7 +25,7 @@ def test_poses_and_verdicts_are_numbered_as_in_the_code() -> None:
     numbers = [int(number) for row in rows for number in row.split(",")]
     assert numbers == list(range(1, len(PoseEstimate._fields) + 1))
     verdicts = " ".join(POSE[POSE.index("GoalVerified:") :].split(".")[0].split())
-    assert {int(number) for number in re.findall(r"-?\d", verdicts)} == set(Verdict)
+    assert {int(number) for number in re.findall(r"-?\d", verdicts)} == set(GoalVerdict)
 
 
 def test_the_facts_of_the_reader_are_those_of_its_weights() -> None:

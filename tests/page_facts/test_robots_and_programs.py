@@ -13,7 +13,7 @@ import pytest
 from colony.analysis.tracks import CONDITIONS
 from colony.drivers.dialect import REFUSALS
 from colony.drivers.guard import REPEATS_NS
-from colony.drivers.measurements import Measurements
+from colony.drivers.line import Measurements
 from colony.drivers.serial_base import DEADLINE_FRAMES, DEADLINE_NS
 from colony.dsl.check.robot import RESERVED_FIELDS
 from colony.dsl.load import check_file

@@ -11,14 +11,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from colony.body.devices import AccelerationErrors, Bumper, Compass, RangeFinder, TurnErrors
-from colony.body.model import Faults
+from colony.body.devices import AccelerationErrors, BumperSpec, CompassSpec, RangeFinder, TurnErrors
+from colony.body.model import DeviceFaults
 from colony.body.shipped import shipped_body
 from colony.cli.run.also import ALSO_FORM, MAX_OTHERS
-from colony.cli.shipped_files import MAX_MOVERS
+from colony.cli.run.options import MAX_MOVERS
 from colony.nav.maps.building import load_building
-from colony.nav.missions.elevator_calls import ElevatorCall
-from colony.nav.missions.elevator_prompt import instructions
+from colony.nav.missions.elevator_calls import ElevatorCall, instructions
 from colony.runtime.observe.summary import OtherSummary, _other_line
 from colony.sim.cameras.optics import Optics
 from colony.sim.hazards.hazards import Hazard, Hazards
@@ -75,7 +74,9 @@ def test_the_table_has_all_of_the_optics() -> None:
 # --- devices.md --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("type_", [RangeFinder, Bumper, TurnErrors, AccelerationErrors, Compass, Faults])
+@pytest.mark.parametrize(
+    "type_", [RangeFinder, BumperSpec, TurnErrors, AccelerationErrors, CompassSpec, DeviceFaults]
+)
 def test_the_page_speaks_of_every_key(type_: type) -> None:
     for field in fields(type_):
         assert re.search(rf"\b{field.metadata['key']}\b", DEVICES), field.name

@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from colony.ros2.connection import Connection, NodeSettings
+from colony.ros2.connection import NodeSettings, Ros2Connection
 from tests.paths import ROOT
 from tests.ros2.environment import existing
 from tests.waiting import until
@@ -76,9 +76,9 @@ class Ros:
         """Return the settings of a node, as drivers get them."""
         return json.dumps({"name": "colony", "python": str(self.python), **settings})
 
-    def connection(self, report: Callable[[str], None], **settings: Any) -> Connection:
+    def connection(self, report: Callable[[str], None], **settings: Any) -> Ros2Connection:
         """Return a connection of this process alone."""
-        found = Connection.shared(NodeSettings(**json.loads(self.node(**settings))), report)
+        found = Ros2Connection.shared(NodeSettings(**json.loads(self.node(**settings))), report)
         self._stack.callback(found.close)
         return found
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from colony.ros2.cdr import decode
-from colony.ros2.connection import Connection, NodeSettings, Output
+from colony.ros2.connection import CommandedTopic, NodeSettings, Ros2Connection
 from tests.cli.machine import children_of
 from tests.ros2.ros import freeze
 from tests.waiting import until
@@ -34,7 +34,7 @@ class Robot:
         self.folder = folder
         self.reports: list[str] = []
         self.set(subscribers=[["base", TWIST]])
-        self._connections: list[Connection] = []
+        self._connections: list[Ros2Connection] = []
 
     def set(self, **ends: Any) -> None:
         """Set the ends of /cmd_vel in the graph."""
@@ -44,23 +44,23 @@ class Robot:
         )
         temporary.replace(self.folder / "graph.json")
 
-    def connect(self, setup: str = "") -> Connection:
+    def connect(self, setup: str = "") -> Ros2Connection:
         """Return a connection with a bridge of its own."""
         node = NodeSettings(python=sys.executable, setup=setup)
-        found = Connection.shared(node, self.reports.append)
+        found = Ros2Connection.shared(node, self.reports.append)
         self._connections.append(found)
         return found
 
-    def output(self, connection: Connection, **options: Any) -> Output:
+    def output(self, connection: Ros2Connection, **options: Any) -> CommandedTopic:
         """Return the drive of the base, ready to be commanded."""
         found = self.adding(connection, **options)
         until(lambda: found.error == "", "it can be commanded")
         return found
 
-    def adding(self, connection: Connection, **options: Any) -> Output:
+    def adding(self, connection: Ros2Connection, **options: Any) -> CommandedTopic:
         """Return the drive of the base."""
         options = {"timeout_ns": TIMEOUT_NS, **options}
-        return connection.command(Output("cmd_vel", "auto", is_stopped=True, **options))
+        return connection.command(CommandedTopic("cmd_vel", "auto", is_stopped=True, **options))
 
     def arrive(self, **row: Any) -> None:
         """Have a message arrive."""
@@ -217,7 +217,7 @@ def test_the_type_is_the_one_that_subscribers_expect(robot: Robot) -> None:
     )
 
 
-def _drives_as(robot: Robot, connection: Connection, output: Output, type_: str) -> bool:
+def _drives_as(robot: Robot, connection: Ros2Connection, output: CommandedTopic, type_: str) -> bool:
     try:
         connection.decide(output, AHEAD)
     except ConnectionError:
@@ -264,7 +264,9 @@ def test_messages_arrive_and_definitions_of_their_types(robot: Robot) -> None:
 
 def test_the_stop_of_any_type_is_a_message_of_zeros(robot: Robot) -> None:
     connection = robot.connect()
-    output = connection.command(Output("lamp", "std_msgs/msg/Bool", is_stopped=True, timeout_ns=TIMEOUT_NS))
+    output = connection.command(
+        CommandedTopic("lamp", "std_msgs/msg/Bool", is_stopped=True, timeout_ns=TIMEOUT_NS)
+    )
     connection.stop(output)
     until(lambda: output.unreached is None, "it is stopped")
     assert '"/lamp", "std_msgs/msg/Bool", "' + b"zero".hex() in (robot.folder / "log").read_text()
@@ -272,7 +274,9 @@ def test_the_stop_of_any_type_is_a_message_of_zeros(robot: Robot) -> None:
 
 def test_what_is_without_a_stop_keeps_what_it_was_commanded(robot: Robot) -> None:
     connection = robot.connect()
-    output = connection.command(Output("lamp", "std_msgs/msg/Bool", is_stopped=False, timeout_ns=TIMEOUT_NS))
+    output = connection.command(
+        CommandedTopic("lamp", "std_msgs/msg/Bool", is_stopped=False, timeout_ns=TIMEOUT_NS)
+    )
     connection.stop(output)
     until(lambda: output.unreached is None, "there is nothing to stop")
     assert not (robot.folder / "log").exists()

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from colony.ros2.cdr import decode, encode, structure
-from colony.ros2.connection import Input, NodeSettings, Output
+from colony.ros2.connection import CommandedTopic, HeardTopic, NodeSettings
 from colony.ros2.drivers import Ros2Base, Ros2Device
-from colony.ros2.incoming import Arrived, Incoming
+from colony.ros2.incoming import ArrivedMessage, Incoming
 from colony.ros2.messages import STANDARD
 
 NODE = json.dumps({"name": "colony"})
@@ -33,28 +33,28 @@ class Stage:
     is_paused = False
 
     def __init__(self) -> None:
-        self.inputs: dict[str, Input] = {}
+        self.inputs: dict[str, HeardTopic] = {}
         self.decided: dict[str, bytes] = {}
         self.stopped: list[str] = []
 
-    def hear(self, topic: str, type_: str, *, quality: str, frame: str) -> Input:
-        found = Input(Incoming(topic, structure(type_, STANDARD), frame), type_, quality)
+    def hear(self, topic: str, type_: str, *, quality: str, frame: str) -> HeardTopic:
+        found = HeardTopic(Incoming(topic, structure(type_, STANDARD), frame), type_, quality)
         self.inputs[topic] = found
         return found
 
-    def command(self, output: Output) -> Output:
+    def command(self, output: CommandedTopic) -> CommandedTopic:
         return output
 
     def kind(self, type_: str) -> Any:
         return structure(type_, STANDARD)
 
-    def decide(self, output: Output, payload: bytes) -> None:
+    def decide(self, output: CommandedTopic, payload: bytes) -> None:
         self.decided[output.topic] = payload
 
-    def stop(self, output: Output) -> None:
+    def stop(self, output: CommandedTopic) -> None:
         self.stopped.append(output.topic)
 
-    def unreached(self, output: Output) -> str | None:
+    def unreached(self, output: CommandedTopic) -> str | None:
         return output.unreached
 
     def close(self) -> None:
@@ -64,7 +64,7 @@ class Stage:
         """Have a message arrive."""
         found = self.inputs[topic]
         assert found.incoming.kind is not None
-        found.incoming.put(Arrived(t_ns, 0, encode(found.incoming.kind, values)))
+        found.incoming.put(ArrivedMessage(t_ns, 0, encode(found.incoming.kind, values)))
 
 
 def base(stage: Stage, **topics: Any) -> Ros2Base:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from colony.ros2.cdr import encode, structure
-from colony.ros2.incoming import Arrived, Incoming, SimulatedClock, measured_ns, part
+from colony.ros2.incoming import ArrivedMessage, Incoming, SimulatedClock, measured_ns, part
 from colony.ros2.messages import ODOMETRY, STANDARD
 from colony.ros2.scan import UnusableError
 
@@ -27,28 +27,28 @@ def odometry(frame: str = "odom", sec: int = 0, **values: Any) -> bytes:
     [(0, 0), (1, 1), (1000, 1000), (1001, 0), (10**9, 0), (-1, 0), (-50, 0)],
 )
 def test_a_stamp_adds_to_the_age_while_it_is_up_to_a_second_old(age_ms: int, expected_ms: int) -> None:
-    arrived = Arrived(NOW, 77 * NOW, b"")
+    arrived = ArrivedMessage(NOW, 77 * NOW, b"")
     assert measured_ns(arrived, 77 * NOW - age_ms * MS) == NOW - expected_ms * MS
 
 
 def test_a_stamp_of_0_is_none() -> None:
-    assert measured_ns(Arrived(NOW, 10 * MS, b""), 0) == NOW
+    assert measured_ns(ArrivedMessage(NOW, 10 * MS, b""), 0) == NOW
 
 
 def test_a_stamp_of_the_future_is_refused() -> None:
     with pytest.raises(UnusableError, match=r"stamped 0.051 s ahead of the clock"):
-        measured_ns(Arrived(NOW, NOW, b""), NOW + 51 * MS)
+        measured_ns(ArrivedMessage(NOW, NOW, b""), NOW + 51 * MS)
 
 
 def test_a_message_is_decoded_once_and_the_newest_counts() -> None:
     incoming = Incoming("odom", KIND, "odom")
     assert incoming.message() is None
-    incoming.put(Arrived(5, 0, odometry()))
+    incoming.put(ArrivedMessage(5, 0, odometry()))
     first = incoming.message()
     assert first is not None
     assert first.t_ns == 5
     assert incoming.message() is first
-    incoming.put(Arrived(6, 0, odometry()))
+    incoming.put(ArrivedMessage(6, 0, odometry()))
     assert incoming.message() is not first
     incoming.put(None)
     assert incoming.message() is None
@@ -66,11 +66,11 @@ def test_a_message_is_decoded_once_and_the_newest_counts() -> None:
 )
 def test_an_unusable_message_is_none_and_says_why_until_the_next(data: bytes, why: str) -> None:
     incoming = Incoming("odom", KIND, "odom")
-    incoming.put(Arrived(5, 0, data))
+    incoming.put(ArrivedMessage(5, 0, data))
     assert incoming.message() is None
     assert incoming.fault is not None
     assert incoming.fault.startswith(why)
-    incoming.put(Arrived(6, 0, odometry()))
+    incoming.put(ArrivedMessage(6, 0, odometry()))
     assert incoming.message() is not None
     assert incoming.fault is None
 

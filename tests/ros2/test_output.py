@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from colony.ros2.bridge import GHOST_NS, SETTLED_NS, STOP_PAUSE_NS, Output
+from colony.ros2.bridge import GHOST_NS, SETTLED_NS, STOP_PAUSE_NS, OutputTopic
 
 TWIST = "geometry_msgs/msg/Twist"
 AHEAD = b"a" * 48
@@ -30,15 +30,15 @@ class Publisher:
         return self.hearers
 
 
-def output(**settings: Any) -> tuple[Output, Publisher]:
+def output(**settings: Any) -> tuple[OutputTopic, Publisher]:
     """Return an output with its publisher."""
     given = {"topic": "cmd_vel", "type": "auto", "stop": True, "timeout_ms": TIMEOUT_NS / 1e6}
-    found, publisher = Output({**given, **settings}), Publisher()
+    found, publisher = OutputTopic({**given, **settings}), Publisher()
     found.active = publisher, TWIST
     return found, publisher
 
 
-def run(found: Output, until_ns: int) -> None:
+def run(found: OutputTopic, until_ns: int) -> None:
     """Tick whenever something is due, up to a time."""
     while (due := found.due_ns()) is not None and due <= until_ns:
         found.tick(due)

@@ -34,9 +34,7 @@ class Served:
         self.recording = str(folder / "run.mcap")
         self.supervisor = self.machine.start("serve", "all", "--robot", named, "--hardware")
         until(lambda: failed(self.supervisor) or "RServer" in self._running(), "it is served")
-        self.leader = self.machine.start(
-            "run", str(program), "--robot", named, "--connect", "--record", self.recording
-        )
+        self.leader = self.machine.start("drive", str(program), "--robot", named, "--record", self.recording)
 
     def _running(self) -> dict[str, int]:
         return dict(RunDirectory.find(self.machine.environment).robot("burger").running())

@@ -5,10 +5,10 @@ from __future__ import annotations
 from colony.ir.expression import (
     Binary,
     BinaryOperation,
-    Call,
     Constant,
     Expression,
     Function,
+    FunctionCall,
     MemoryCall,
     MemoryFunction,
     SensorValue,
@@ -20,12 +20,12 @@ from colony.ir.program import (
     Actuator,
     ActuatorField,
     Chain,
-    Command,
     Contract,
     Module,
     Program,
     Robot,
     Sensor,
+    TransferFunction,
     Use,
     Wire,
 )
@@ -44,7 +44,9 @@ def constant(value: Value) -> Constant:
 
 
 def nearest() -> Expression:
-    return Call(type=DISTANCE, function=Function.MIN, arguments=(SensorValue(type=SONAR, name="sonar"),))
+    return FunctionCall(
+        type=DISTANCE, function=Function.MIN, arguments=(SensorValue(type=SONAR, name="sonar"),)
+    )
 
 
 def less(left: Expression, right: float) -> Expression:
@@ -86,8 +88,8 @@ def drive() -> Actuator:
     )
 
 
-def go(velocity: float, turn: float) -> Command:
-    return Command(actuator="drive", fields=(number(velocity), number(turn)))
+def go(velocity: float, turn: float) -> TransferFunction:
+    return TransferFunction(actuator="drive", fields=(number(velocity), number(turn)))
 
 
 def roam(**changes: object) -> Program:

@@ -10,7 +10,7 @@ import pytest
 
 from colony.dsl.load import load_text
 from colony.execute.executor import ModuleExecutor, ProgramExecutor
-from colony.ir.frame import Answer, Decision, Frame, Outcome, Record
+from colony.ir.frame import Answer, Decision, Frame, FrameEvent, Outcome
 from colony.text.diagnostics import DiagnosticError
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, EXECUTORS, disagreement
@@ -96,7 +96,7 @@ def test_what_it_is_given_is_read_only() -> None:
         return GOOD
 
     [outcome] = answered([change], shot(0))
-    assert outcome.records == (Record("python error", "m"),)
+    assert outcome.records == (FrameEvent("python error", "m"),)
     Scripted.answers = [lambda frame: setattr(frame, "t", 3.0)]
     for make in EXECUTORS.values():
         assert make(compilation(TEXT.replace("RATE", ""))).step(shot(0)).records == outcome.records
@@ -117,14 +117,14 @@ def test_commands_and_none() -> None:
 )
 def test_what_is_wrong_makes_it_silent_and_is_recorded(answer: Any) -> None:
     [outcome] = answered([answer], shot(0))
-    assert outcome == Outcome((LOW,), (Record("python error", "m"),))
+    assert outcome == Outcome((LOW,), (FrameEvent("python error", "m"),))
 
 
 @pytest.mark.parametrize("value", [nan, inf, 10**400], ids=["nan", "inf", "huge"])
 def test_a_command_that_is_not_finite_wins_and_is_not_sent(value: float) -> None:
     [outcome] = answered([GOOD | {"v": value}], shot(0))
     assert outcome.decisions == (Decision("out", "m", None, "not finite"),)
-    assert outcome.records == (Record("not finite", "m"),)
+    assert outcome.records == (FrameEvent("not finite", "m"),)
 
 
 def test_it_is_not_called_where_something_is_missing() -> None:
@@ -188,21 +188,21 @@ def test_an_answer_takes_effect_when_the_next_is_asked() -> None:
 # --- failsafe modules ------------------------------------------------------------------------------
 
 FAILSAFE = TEXT.replace("module m ", "failsafe module m ")
-BLIND = Outcome((Decision("out", "m", None, "missing"),), (Record("missing", "m"),))
+BLIND = Outcome((Decision("out", "m", None, "missing"),), (FrameEvent("missing", "m"),))
 
 
 def test_a_failsafe_one_is_blind_where_something_that_it_reads_is_missing_and_is_not_called() -> None:
     shots = [shot(0), shot(50, x=None), shot(100, a=[True]), shot(150)]
     sent, blind, faulty, none = answered([GOOD, None], *shots, text=FAILSAFE)
     assert (sent, blind, none) == (SENT, BLIND, Outcome((LOW,)))
-    assert faulty == BLIND._replace(records=(Record("sensor fault", "a"), Record("missing", "m")))
+    assert faulty == BLIND._replace(records=(FrameEvent("sensor fault", "a"), FrameEvent("missing", "m")))
     assert [t for t, _ in Scripted.seen] == [0.0, 0.15]
 
 
 @pytest.mark.parametrize("answer", [boom, {}, GOOD | {"more": 1}, GOOD | {"on": 1}, False, []])
 def test_a_failsafe_one_is_blind_without_a_good_answer(answer: Any) -> None:
     [outcome] = answered([answer], shot(0), text=FAILSAFE)
-    assert outcome == BLIND._replace(records=(Record("python error", "m"), Record("missing", "m")))
+    assert outcome == BLIND._replace(records=(FrameEvent("python error", "m"), FrameEvent("missing", "m")))
 
 
 def test_a_failsafe_one_that_is_not_applicable_is_not_blind() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from colony.sim.given import GivenTimeline, nothing_given
+from colony.sim.mechanism import GivenTimeline, nothing_given
 
 
 def test_a_value_holds_until_the_next_in_whatever_order_they_are_given() -> None:

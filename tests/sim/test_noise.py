@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from colony.sim.noise import Noise
+from colony.sim.chance import Noise
 
 
 def test_how_much_is_taken_at_a_time_makes_no_difference() -> None:

@@ -7,15 +7,15 @@ from pathlib import Path
 import pytest
 
 from colony.experiment.results import RunKey
-from colony.robots.navigation import CEILING_CAMERA, FRONT_CAMERA
+from colony.runs.navigation import CEILING_CAMERA, FRONT_CAMERA
 from colony.sim.hazards.hazards import Hazards
-from studies.runs import Run, RunSpec
+from studies.runs import Run, StudyRun
 from tests.nav.floors import two_floors
 
 
-def specified(folder: Path) -> RunSpec:
+def specified(folder: Path) -> StudyRun:
     two_floors(folder)
-    return RunSpec(
+    return StudyRun(
         key=RunKey("floors", 1, 1, "ours"),
         map_path=folder / "ground.stickrep",
         origin="liftR",

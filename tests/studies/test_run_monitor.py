@@ -11,10 +11,10 @@ import pytest
 from colony.dsl.load import load_text
 from colony.nav.plan.plan import FloorPoint, Plan, Segment
 from colony.nav.shared import CEILING_LIGHT, GoalKind
-from colony.robots.behavior import behavior_from
+from colony.runs.behavior import behavior_from
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data
-from colony.sim.hazards.scenery import Joint, Scenery, Slip, bare_scenery
+from colony.sim.hazards.scenery import ExpansionJoint, Scenery, WheelSlip, bare_scenery
 from colony.sim.world.world import World
 from studies.record import Contacts, LightCount
 from studies.run_monitor import RunMonitor, mode_of
@@ -164,9 +164,9 @@ def test_patience_ends_after_three_times_what_was_expected() -> None:
 
 
 def test_slips_are_noticed_where_wheels_count_what_is_not_driven() -> None:
-    slip = Slip(probability=1.0, turn_deg=0.0, min_mm=30.0, max_mm=80.0)
+    slip = WheelSlip(probability=1.0, turn_deg=0.0, min_mm=30.0, max_mm=80.0)
     plain = bare_scenery(np.array([[50e3, -2e3, 50e3, 2e3]]))
-    joints = tuple(Joint(x0_mm=x, y0_mm=-2e3, x1_mm=x, y1_mm=2e3) for x in (2e3, 4e3, 7e3))
+    joints = tuple(ExpansionJoint(x0_mm=x, y0_mm=-2e3, x1_mm=x, y1_mm=2e3) for x in (2e3, 4e3, 7e3))
     scenery = Scenery(seed=1, walls=plain.walls, silent=plain.silent, joints=joints, slip=slip)
     stage = Stage(scenery=scenery)
     stage.drive(lambda: stage.world.true_pose(0).x_mm > 8000.0)

@@ -12,9 +12,9 @@ import pytest
 from colony.experiment.parallel import PoolEngine, SerialEngine
 from colony.experiment.results import Results, RunKey
 from colony.ir.frame import Decision, Frame, Outcome
-from colony.nav.pose.tracker import EVERY_SOURCE, Source
-from colony.robots.behavior import behavior_of
-from colony.robots.navigation import SIDE_CAMERA
+from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
+from colony.runs.behavior import behavior_of
+from colony.runs.navigation import SIDE_CAMERA
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import robot
 from colony.sim.hazards.hazards import Hazard, Hazards
@@ -24,13 +24,13 @@ from studies.auditing import audit, is_audited
 from studies.conduct import Experiment, conduct, conduct_audit, results_of
 from studies.lists import PUBLISHED_MAP, ListedRun, published_list
 from studies.record import RUN_TABLE, LightCount, ModeCount, RunResult
-from studies.runs import Run, RunSpec, run, seed_of
+from studies.runs import Run, StudyRun, run, seed_of
 from studies.variants import OURS, VARIANTS, MakeScripts
 
 
-def _spec(number: int = 29, seed: int = 1, hazards: Hazards | None = None) -> RunSpec:
+def _spec(number: int = 29, seed: int = 1, hazards: Hazards | None = None) -> StudyRun:
     listed = published_list()[number - 1]
-    return RunSpec(
+    return StudyRun(
         key=RunKey("thesis", number, seed, "ours"),
         map_path=PUBLISHED_MAP,
         origin=listed.origin,
@@ -45,7 +45,7 @@ SHORT = (
 )
 
 
-def _short() -> RunSpec:
+def _short() -> StudyRun:
     run = SHORT[0]
     return replace(_spec(), key=RunKey("short", run.number, 1, "ours"), origin=run.origin, goal=run.goal)
 
@@ -254,7 +254,9 @@ def test_an_audit_of_an_experiment_is_of_one_run_at_least() -> None:
 def test_all_hazards_off_has_a_short_name() -> None:
     assert replace(_experiment(), hazards=Hazards.none()).label == "ours/no-hazards"
     assert replace(_experiment(), hazards=Hazards()).label == "ours"
-    seeing = replace(_experiment(), sources=EVERY_SOURCE - {Source.LIGHTS}, cameras=frozenset({SIDE_CAMERA}))
+    seeing = replace(
+        _experiment(), sources=EVERY_SOURCE - {PoseSource.LIGHTS}, cameras=frozenset({SIDE_CAMERA})
+    )
     assert seeing.label == "ours/no-people,no-lights,side-camera"
     assert {spec.key.variant for spec in seeing.specs()} == {seeing.label}
     assert all((spec.sources, spec.cameras) == (seeing.sources, seeing.cameras) for spec in seeing.specs())

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import doctest
 
-from colony.text import suggestions
-from colony.text.suggestions import did_you_mean
+from colony.text import wording
+from colony.text.wording import did_you_mean
 
 
 def test_the_example_of_the_docstring() -> None:
-    assert doctest.testmod(suggestions) == (0, 1)
+    assert doctest.testmod(wording) == (0, 1)
 
 
 def test_case_makes_no_difference() -> None:

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.dsl.load import load_text
-from colony.ir.frame import Frame, Record
+from colony.ir.frame import Frame, FrameEvent
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import EXECUTORS, disagreement
 from tests.drawn.strategies import Run, runs
@@ -51,7 +51,7 @@ def test_a_reading_from_the_future_is_a_fault() -> None:
     frame = Frame(0, READINGS, {"scan": 1, "bumper": 1})
     outcome = Interpreter(PROGRAM).step(frame)
     assert outcome.commands["drive"].by is None
-    assert outcome.records == (Record("sensor fault", "scan"), Record("sensor fault", "bumper"))
+    assert outcome.records == (FrameEvent("sensor fault", "scan"), FrameEvent("sensor fault", "bumper"))
 
 
 @given(st.data(), runs(python=False))

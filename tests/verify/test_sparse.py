@@ -6,7 +6,7 @@ import pytest
 
 from colony.ir.bearings import Bearings, between, listed_bearings, uniform
 from colony.ir.types import DISTANCE, Array, ScalarValue
-from colony.verify.sparse import run_angles, sparse, sparse_text
+from colony.verify.snapshot import run_angles, sparse, sparse_text
 
 RING = uniform(-180.0, None, 360)
 CLOCKWISE = uniform(90.0, -1.0, 181)

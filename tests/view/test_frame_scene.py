@@ -10,7 +10,7 @@ import pytest
 from colony.dsl.load import load_text
 from colony.ir.bearings import listed_bearings, uniform
 from colony.ir.frame import Frame, Reading
-from colony.view.polar_picture import Panel, Ranges, Scene, States, describe, scene_of
+from colony.view.polar_picture import DiscreteValues, Panel, PolarScene, Ranges, describe, scene_of
 
 BEHAVIOR = """
 enum look {{ free = 0, wall = 7 }}
@@ -27,7 +27,7 @@ def panel(sensor: str, reading: Reading, *, read: bool = True) -> Panel:
 
 def test_only_arrays_with_bearings_have_panels() -> None:
     program = load_text(BEHAVIOR.format("[3] : m"))
-    assert scene_of(program, "title", Frame(0, {}), (), ["a"]) == Scene(
+    assert scene_of(program, "title", Frame(0, {}), (), ["a"]) == PolarScene(
         title="title", panels=(), lines=("a",)
     )
 
@@ -80,14 +80,14 @@ def test_a_range_of_one_value_has_a_scale() -> None:
 
 def test_bools_are_states() -> None:
     found = panel("[6] : bool bearing -180 deg", (True, False, True, True, True, True))
-    assert found.content == States(states=(1, 0, 1, 1, 1, 1), names=("false", "true"))
+    assert found.content == DiscreteValues(states=(1, 0, 1, 1, 1, 1), names=("false", "true"))
     assert found.notes[1] == "true at -180 deg, -60 deg, 0 deg, 60 deg and 1 more"
     assert panel("[2] : bool bearing -180 deg", (False, False)).notes[1] == "true nowhere"
 
 
 def test_enumerators_are_states() -> None:
     found = panel("[3] : look bearing [0 deg, 90 deg, 0 deg]", (7, 0, 3))
-    assert found.content == States(states=(1, 0, None), names=("free", "wall"))
+    assert found.content == DiscreteValues(states=(1, 0, None), names=("free", "wall"))
     assert found.notes == ("3 directions",)
 
 

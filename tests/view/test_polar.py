@@ -10,7 +10,7 @@ import pytest
 from colony.ir.bearings import Bearings, listed_bearings, uniform
 from colony.view.polar import (
     MAX_RINGS,
-    Layer,
+    RadialPlace,
     Sector,
     blind_sector,
     label_bearing,
@@ -68,7 +68,7 @@ def test_only_arcs_and_lists_with_a_gap_are_blind_somewhere(
 
 
 def test_elements_along_one_bearing_lie_in_layers() -> None:
-    assert layers(listed_bearings([0, 90, 0])) == (Layer(0, 2), Layer(0, 1), Layer(1, 2))
+    assert layers(listed_bearings([0, 90, 0])) == (RadialPlace(0, 2), RadialPlace(0, 1), RadialPlace(1, 2))
 
 
 def test_a_sector_with_a_hole_has_no_tip() -> None:

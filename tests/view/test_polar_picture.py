@@ -11,7 +11,7 @@ from matplotlib.collections import PolyCollection
 from colony.ir.bearings import listed_bearings, uniform
 from colony.view.map_picture import encode_picture
 from colony.view.polar import scale_of
-from colony.view.polar_picture import Mark, Panel, Ranges, Scene, States, draw_scene
+from colony.view.polar_picture import DiscreteValues, Mark, Panel, PolarScene, Ranges, draw_scene
 
 MARKS: tuple[Mark, ...] = ("reading", "limit", "infinite", "negative", "invalid")
 
@@ -26,7 +26,7 @@ def ranges_panel(size: int = 5, marks: tuple[Mark, ...] = MARKS) -> Panel:
 
 def state_panel() -> Panel:
     bearings = listed_bearings([0, 90, 0])
-    content = States(states=(1, 0, None), names=("false", "true"))
+    content = DiscreteValues(states=(1, 0, None), names=("false", "true"))
     return Panel(name="bumper", bearings=bearings, content=content, notes=())
 
 
@@ -34,8 +34,8 @@ def missing_panel() -> Panel:
     return Panel(name="gone", bearings=listed_bearings([0, 90]), content=None, notes=())
 
 
-def scene(*panels: Panel, title: str = "$t$") -> Scene:
-    return Scene(title=title, panels=panels, lines=("drive by a", "active: " + "module, " * 40))
+def scene(*panels: Panel, title: str = "$t$") -> PolarScene:
+    return PolarScene(title=title, panels=panels, lines=("drive by a", "active: " + "module, " * 40))
 
 
 def texts(axes: Axes) -> list[str]:

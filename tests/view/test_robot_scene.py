@@ -9,7 +9,7 @@ import pytest
 from colony.body.model import Body
 from colony.body.reader import body_of_text, read_body
 from colony.dsl.load import load_file, load_text
-from colony.view.polar import Point, Sector
+from colony.view.polar import PicturePoint, Sector
 from colony.view.robot_scene import Beam, RobotScene, SensorView, Wheel, robot_scene
 from tests.body.test_disagreements import BODY, INTERFACE
 from tests.body.test_sensors import BODY as SENSORS_BODY
@@ -38,7 +38,7 @@ def sensor(of: RobotScene, name: str) -> SensorView:
     return next(s for s in of.sensors if s.name == name)
 
 
-def near(found: Point, x: float, y: float) -> bool:
+def near(found: PicturePoint, x: float, y: float) -> bool:
     return math.dist(found, (x, y)) < 1e-6
 
 
@@ -69,7 +69,7 @@ def test_a_base_that_drives_sideways_is_drawn_with_four_wheels() -> None:
     body = read_body(folder / "omni.toml").body
     assert body is not None
     omni = robot_scene(load_file(folder / "omni.colony").robot, body)
-    assert omni.wheels == tuple(Wheel(Point(x, y), 0.0) for y in (80.0, -80.0) for x in (-90.0, 90.0))
+    assert omni.wheels == tuple(Wheel(PicturePoint(x, y), 0.0) for y in (80.0, -80.0) for x in (-90.0, 90.0))
 
 
 def test_omni_wheels_are_drawn_as_they_roll() -> None:
@@ -79,7 +79,7 @@ def test_omni_wheels_are_drawn_as_they_roll() -> None:
     old = 'kind = "differential", wheel_base = "30 cm"'
     assert old in BODY
     drawn = scene(body=BODY.replace(old, f'kind = "omnidirectional", wheels = {wheels}')).wheels
-    assert drawn[0] == Wheel(Point(-130.0, 75.0), 150.0)
+    assert drawn[0] == Wheel(PicturePoint(-130.0, 75.0), 150.0)
     assert [wheel.bearing_deg for wheel in drawn] == [150.0, -90.0, 30.0]
 
 
@@ -87,11 +87,15 @@ def test_a_robot_is_drawn_with_ahead_up() -> None:
     small = scene()
     assert small.radius_mm == 200.0
     assert near(small.footprint[0], 0.0, 200.0)
-    assert small.wheels == (Wheel(Point(-150.0, 0.0), 0.0), Wheel(Point(150.0, 0.0), 0.0))
+    assert small.wheels == (Wheel(PicturePoint(-150.0, 0.0), 0.0), Wheel(PicturePoint(150.0, 0.0), 0.0))
     corners = '[["-200 mm", "-150 mm"], ["250 mm", "-150 mm"], ["0 mm", "150 mm"]]'
     round_ = 'shape = "circle", radius = "0.2 m"'
     triangle = scene(body=BODY.replace(round_, f'shape = "polygon", corners = {corners}'))
-    assert triangle.footprint == (Point(150.0, -200.0), Point(150.0, 250.0), Point(-150.0, 0.0))
+    assert triangle.footprint == (
+        PicturePoint(150.0, -200.0),
+        PicturePoint(150.0, 250.0),
+        PicturePoint(-150.0, 0.0),
+    )
     assert triangle.radius_mm == pytest.approx(math.hypot(250.0, 150.0))
 
 
@@ -99,14 +103,14 @@ def test_what_the_body_blocks_is_left_out() -> None:
     scan = sensor(scene(), "scan")
     assert len(scan.beams) == 360 - 16 - 29  # 150 to 165 degrees, and 29 to 57
     assert scan.note == f"{len(scan.beams)} of 360 elements, 12 m"
-    assert scan.beams[0].origin == Point(0.0, 50.0)
+    assert scan.beams[0].origin == PicturePoint(0.0, 50.0)
     assert not [beam for beam in scan.beams if 150.0 <= beam.sector.middle <= 165.0]
 
 
 def test_without_a_simulated_device_the_interface_says_where_elements_look() -> None:
     device = BODY[BODY.index("simulated.device") : BODY.index("hardware =")]
     scan = sensor(scene(body=BODY.replace(device, "")), "scan")
-    assert scan.beams[0].origin == Point(0.0, 0.0)
+    assert scan.beams[0].origin == PicturePoint(0.0, 0.0)
     assert scan.beams[0].reach_mm == 12_000.0
     assert scan.beams[0].sector == Sector(-0.5, 0.5)
 
@@ -124,7 +128,10 @@ def test_sensors_that_look_down_are_marks_at_their_places() -> None:
     amr = robot_scene(load_file(folder / "amr.colony").robot, body)
     cliff = sensor(amr, "cliff")
     assert cliff.note == "4 elements, downward"
-    assert [beam.origin for beam in cliff.beams[:2]] == [Point(-190.0, 330.0), Point(190.0, 330.0)]
+    assert [beam.origin for beam in cliff.beams[:2]] == [
+        PicturePoint(-190.0, 330.0),
+        PicturePoint(190.0, 330.0),
+    ]
     assert {corner for beam in cliff.beams for corner in beam.outline(9e9)} == {
         beam.origin for beam in cliff.beams
     }
@@ -134,10 +141,10 @@ def test_sensors_that_look_down_are_marks_at_their_places() -> None:
 def test_range_finders_are_drawn_as_cones_at_their_poses() -> None:
     near = sensor(scene(SENSORS_INTERFACE, SENSORS_BODY), "near")
     assert near.note == "3 elements, 1.5 m"
-    assert near.beams[1] == Beam(origin=Point(-90.0, 50.0), sector=Sector(55.0, 65.0), reach_mm=1500.0)
+    assert near.beams[1] == Beam(origin=PicturePoint(-90.0, 50.0), sector=Sector(55.0, 65.0), reach_mm=1500.0)
 
 
 def test_the_sectors_of_a_bumper_are_drawn_around_the_hull() -> None:
     felt = sensor(scene(SENSORS_INTERFACE, SENSORS_BODY), "felt")
     assert felt.note == "2 sectors"
-    assert felt.beams[1] == Beam(origin=Point(0.0, 0.0), sector=Sector(150.0, 210.0), reach_mm=216.0)
+    assert felt.beams[1] == Beam(origin=PicturePoint(0.0, 0.0), sector=Sector(150.0, 210.0), reach_mm=216.0)

@@ -18,14 +18,12 @@ from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.recordings.mcap_reader import McapReader
-from colony.watch.greeting import Greeting, Reply
-from colony.watch.scene import Scene, scene_of
-from colony.watch.security import PROTOCOL, new_nonce, proof
-from colony.watch.serving import PageServer
-from colony.watch.snapshot import Snapshot
+from colony.watch.scene import PageScene, scene_of
+from colony.watch.serving import PROTOCOL, Greeting, PageProof, PageServer, new_nonce, proof
+from colony.watch.snapshot import PageFrame
 from colony.watch.sources import RecordingSource, RunFollower
 from colony.watch.store import SnapshotStore
-from colony.watch.trail import Trail
+from colony.watch.trail import RunTrail
 from colony.watch.watched import StopAnswer, Watched
 from tests.analysis.recorded_runs import MS, as_mcap, logs
 from tests.waiting import until
@@ -94,16 +92,16 @@ def replace_verdict(verdict: Any, **changes: Any) -> Any:
     return msgspec.structs.replace(verdict, **changes)
 
 
-def snapshots(frames: list[RunFrame] | None = None) -> list[Snapshot]:
+def snapshots(frames: list[RunFrame] | None = None) -> list[PageFrame]:
     """Return the snapshots of the run."""
     store = SnapshotStore(scene().modules)
-    follower = RunFollower(PROGRAM, store, Trail(PROGRAM))
+    follower = RunFollower(PROGRAM, store, RunTrail(PROGRAM))
     made = [follower.take(log) for log in (run() if frames is None else frames)]
     store.close()
     return made
 
 
-def scene(title: str = "run.mcap") -> Scene:
+def scene(title: str = "run.mcap") -> PageScene:
     """Return the scene of the program."""
     return scene_of(PROGRAM, title, compile_program(PROGRAM).compiled.clients)
 
@@ -118,7 +116,7 @@ def recorded(stop: Callable[[], StopAnswer] | None = None) -> Iterator[Watched]:
     """Read the recording into a store, to the end."""
     store = SnapshotStore(scene().modules)
     reader = McapReader(io.BytesIO(recording()), "run.mcap")
-    trail = Trail(PROGRAM)
+    trail = RunTrail(PROGRAM)
     with RecordingSource(reader, PROGRAM, store, trail):
         until(lambda: store.is_complete, "the recording is read")
         yield Watched(scene=scene(), store=store, is_live=False, explain=trail.explain, stop=stop)
@@ -182,6 +180,6 @@ def greeted(
 def page(host: str, *, origin: str | None = None, token: str = TOKEN) -> Iterator[Page]:
     """Open the WebSocket of a page, and prove that it knows the token."""
     with greeted(host, origin=origin) as (socket, _, greeting):
-        reply = Reply(proof=proof(token, "page", greeting.nonce, host))
+        reply = PageProof(proof=proof(token, "page", greeting.nonce, host))
         socket.send(msgspec.json.encode(reply).decode())
         yield Page(socket)

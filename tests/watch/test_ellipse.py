@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from colony.nav.pose.pose import PoseEstimate
-from colony.watch.ellipse import ellipse_of
+from colony.watch.asking import ellipse_of
 
 
 def estimate(xx: float, xy: float, yy: float) -> PoseEstimate:

@@ -14,8 +14,7 @@ from colony.dsl.descriptions import RobotChoice
 from colony.dsl.load import load_text
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.robots.described import described_robot
-from colony.robots.description import described_program
+from colony.runs.described import described_program, described_robot
 from colony.runtime.frames.clock import Clock
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.errors import ServerNotFoundError
@@ -25,11 +24,11 @@ from colony.runtime.protocol.messages import Effect, Message, Sample, Tick
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.rserver import RServer
 from colony.runtime.transport.virtual import VirtualTransport
-from colony.watch.idle import IdleRobot, IdleSink, idle_observer, idle_robot
+from colony.watch.joined_run import IdleRobot, IdleSink, idle_observer, idle_robot
 from colony.watch.joining import Listener
 from colony.watch.sources import LiveSource
 from colony.watch.store import SnapshotStore
-from colony.watch.trail import Trail
+from colony.watch.trail import RunTrail
 from tests.kit.node_stage import MS, S
 from tests.runtime.assembly.resident_stage import SERVERS, Robot, description
 from tests.runtime.scripted import Script
@@ -128,7 +127,7 @@ def test_memory_of_a_description_is_unknown_until_an_epoch_begins(has_memory: bo
     text = "robot one { frame 100 ms sensor bump : bool from RServer.bumper }\n"
     text += "state hits : number = 0\nnext hits = hits + 1\n" if has_memory else ""
     program, store = load_text(text), SnapshotStore(())
-    source = LiveSource(program, store, Trail(program))
+    source = LiveSource(program, store, RunTrail(program))
     sink = IdleSink(source, program)
     for k, (start, skipped) in enumerate([(0, 0), (6, 0), (6, 0), (6, 3)], 5):
         tick = Tick(k=k, t_ns=k * 100 * MS, start=start)

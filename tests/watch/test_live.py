@@ -18,20 +18,20 @@ from typing import Any
 import pytest
 
 from colony.ir.memory import ProgramMemory
-from colony.robots.description import NoDescriptionError
+from colony.runs.described import NoDescriptionError
 from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.kit.errors import ServerNotFoundError
 from colony.runtime.library.leader import RunProgram, SourceText
 from colony.runtime.protocol.interface import Interface
 from colony.text.diagnostics import DiagnosticError
 from colony.watch import joined_run, sources
-from colony.watch.idle import IdleRobot
+from colony.watch.joined_run import IdleRobot
 from colony.watch.joining import Joiner, joined_program, read_program
-from colony.watch.snapshot import Snapshot
+from colony.watch.serving import user_token
+from colony.watch.snapshot import PageFrame
 from colony.watch.sources import LiveSource, noting_silence
 from colony.watch.store import SnapshotStore
-from colony.watch.trail import Trail
-from colony.watch.user_files import user_token
+from colony.watch.trail import RunTrail
 from colony.watch.watched import Watched
 from tests.waiting import until
 from tests.watch.runs import FRAMES, PROGRAM, TEXT, page, run, scene, served, snapshots
@@ -45,7 +45,7 @@ def store() -> Iterator[SnapshotStore]:
 
 @pytest.fixture
 def source(store: SnapshotStore) -> LiveSource:
-    return LiveSource(PROGRAM, store, Trail(PROGRAM))
+    return LiveSource(PROGRAM, store, RunTrail(PROGRAM))
 
 
 @pytest.fixture
@@ -73,7 +73,7 @@ class GatedStore(SnapshotStore):
         super().__init__(scene().modules)
         self.gate = threading.Event()
 
-    def add(self, snapshot: Snapshot) -> None:
+    def add(self, snapshot: PageFrame) -> None:
         self.gate.wait()
         super().add(snapshot)
 
@@ -81,7 +81,7 @@ class GatedStore(SnapshotStore):
 def test_a_watcher_that_falls_behind_drops_frames_and_recovers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sources, "MAX_WAITING", 10)
     store = GatedStore()
-    source = LiveSource(PROGRAM, store, Trail(PROGRAM))
+    source = LiveSource(PROGRAM, store, RunTrail(PROGRAM))
     first, *others = run()
     source.take(first)
     until(lambda: not source._waiting, "its thread has the first frame")

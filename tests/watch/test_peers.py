@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from colony.watch.peers import is_of, own_users
+from colony.watch.serving import is_of, own_users
 from tests.watch.runs import greeted, recorded, served
 
 NOBODY = 65534

@@ -21,8 +21,17 @@ from colony.runtime.protocol.messages import Node
 from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.dserver import DServer
 from colony.watch import asking
-from colony.watch.asking import Ask, Asker, Seen, asking_robot, whole_image
-from colony.watch.pictures import find_nothing, find_signs, picture_of, reduced
+from colony.watch.asking import (
+    Ask,
+    Asker,
+    RobotView,
+    asking_robot,
+    find_nothing,
+    find_signs,
+    picture_of,
+    reduced,
+    whole_image,
+)
 from colony.watch.store import SnapshotStore
 from colony.watch.watched import Watched
 from tests.paths import ROOT
@@ -166,9 +175,9 @@ class Asked:
         yield self.ask
         self.closed += 1
 
-    def ask(self) -> Seen:
+    def ask(self) -> RobotView:
         self.questions += 1
-        return Seen(pictures=(picture_of("CServer", image_of(PLATE), find_nothing),), ellipse=None)
+        return RobotView(pictures=(picture_of("CServer", image_of(PLATE), find_nothing),), ellipse=None)
 
 
 def test_the_robot_is_asked_only_while_a_page_is_open() -> None:

@@ -11,12 +11,11 @@ import pytest
 
 from colony.runtime.recordings.reader import LinesReader
 from colony.watch import store as store_module
-from colony.watch.marks import Mark
-from colony.watch.player import Player
+from colony.watch.snapshot import FrameMark
 from colony.watch.sources import RecordingSource
-from colony.watch.store import SnapshotStore, Span
-from colony.watch.timeline import history_to, path_to, timeline_of
-from colony.watch.trail import Trail
+from colony.watch.store import FrameRange, SnapshotStore, history_to, path_to, timeline_of
+from colony.watch.trail import RunTrail
+from colony.watch.viewer import Player
 from tests.waiting import until
 from tests.watch.runs import FRAMES, PROGRAM, scene, snapshots
 
@@ -62,7 +61,7 @@ def test_it_waits_at_the_end_of_what_is_there_and_goes_on() -> None:
 
 def test_a_recording_without_frames_says_so() -> None:
     store = SnapshotStore(scene().modules)
-    with RecordingSource(LinesReader(io.BytesIO(b""), "run.jsonl"), PROGRAM, store, Trail(PROGRAM)):
+    with RecordingSource(LinesReader(io.BytesIO(b""), "run.jsonl"), PROGRAM, store, RunTrail(PROGRAM)):
         until(lambda: store.is_complete, "the recording is read")
     assert store.problem == "it contains no frame"
     store.close()
@@ -82,7 +81,7 @@ def test_a_disk_that_becomes_full_keeps_no_part_of_a_frame(monkeypatch: pytest.M
     monkeypatch.setattr(os, "pwrite", pwrite)
     with pytest.raises(OSError, match="No space left"):
         store.add(second)
-    assert store.span == Span(0, 1)
+    assert store.span == FrameRange(0, 1)
     store.close()
 
 
@@ -99,12 +98,12 @@ def test_it_jumps_to_what_begins(store: SnapshotStore) -> None:
     player = Player(store, follows=False)
     player.seek(0.0, 0.0)
     found = []
-    while player.jump(0.0, Mark.WINNER, backward=False):
+    while player.jump(0.0, FrameMark.WINNER, backward=False):
         found.append(player.index(0.0))
     assert found == [3, 5, 9, 15]
-    assert player.jump(0.0, Mark.LATE, backward=True)
+    assert player.jump(0.0, FrameMark.LATE, backward=True)
     assert player.index(0.0) == 8
-    assert not player.jump(0.0, Mark.FAULT, backward=True)
+    assert not player.jump(0.0, FrameMark.FAULT, backward=True)
 
 
 def test_seeking_before_and_after_the_run(store: SnapshotStore) -> None:
@@ -118,7 +117,7 @@ def test_seeking_before_and_after_the_run(store: SnapshotStore) -> None:
 def test_a_limited_store_drops_its_oldest_segments(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(store_module, "SEGMENT_FRAMES", 4)
     store = filled(max_bytes=1)
-    assert store.span == Span(12, FRAMES)
+    assert store.span == FrameRange(12, FRAMES)
     assert store.read(0) == store.read(12)
     assert store.index_at(0.0) == 12
     player = Player(store, follows=False)
@@ -130,6 +129,6 @@ def test_timeline_path_and_history(store: SnapshotStore) -> None:
     timeline = timeline_of(store)
     assert (timeline.first, timeline.last, timeline.is_complete) == (0.0, pytest.approx(1.9), True)
     assert timeline.winners[3:6] == (1, 1, -1)
-    assert timeline.marks[15] == Mark.WINNER | Mark.BREACH
+    assert timeline.marks[15] == FrameMark.WINNER | FrameMark.BREACH
     assert path_to(store, 3) == [(0.0, 0.0), (100.0, 0.0), (200.0, 0.0), (200.0, 0.0)]
     assert [bytes(raw) for raw in history_to(store, 2)] == [store.read(0), store.read(1)]

@@ -12,10 +12,16 @@ from dataclasses import replace
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
-from colony.watch.app import REPLACED, page_files
-from colony.watch.greeting import MAX_STRANGERS, REFUSED
-from colony.watch.security import PROTOCOL, Admission, proof
-from colony.watch.serving import PageServer
+from colony.watch.serving import (
+    MAX_STRANGERS,
+    PROTOCOL,
+    REFUSED,
+    REPLACED,
+    Admission,
+    PageServer,
+    page_files,
+    proof,
+)
 from colony.watch.viewer import UNSUPPORTED
 from colony.watch.watched import StopAnswer
 from tests.watch.runs import FRAMES, TOKEN, greeted, page, recorded, scene, served

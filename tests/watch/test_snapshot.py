@@ -12,10 +12,10 @@ from colony.dsl.load import load_text
 from colony.ir.frame import Frame
 from colony.runtime.protocol.messages import Stopped, Tick
 from colony.verify.reference.interpreter import Interpreter
-from colony.watch.marks import Mark, mark_of
+from colony.watch.snapshot import FrameMark, mark_of
 from colony.watch.sources import RunFollower
 from colony.watch.store import SnapshotStore
-from colony.watch.trail import Trail
+from colony.watch.trail import RunTrail
 from tests.analysis.recorded_runs import logs
 from tests.watch.runs import PROGRAM, frame, replace_verdict, run, scene, snapshots
 
@@ -47,7 +47,7 @@ def test_a_module_in_python_that_is_not_applicable_is_inactive() -> None:
         network {{ drive = never }}"""
     )
     store = SnapshotStore(("never",))
-    follower = RunFollower(program, store, Trail(program))
+    follower = RunFollower(program, store, RunTrail(program))
     for readings, state in (({"bump": True}, "inactive"), ({}, "silent")):
         (log,) = logs(program, [Frame(0, readings)])
         verdict = replace_verdict(log.verdicts["drive"], fates=(("never", "silent"),))
@@ -137,7 +137,7 @@ def test_an_emergency_stop_is_shown() -> None:
     tick = Tick(k=5, t_ns=frames[5].tick.t_ns, stopped=Stopped(by="ada/1", t_ns=0))
     shown = snapshots([*frames[:5], replace(frames[5], tick=tick)])
     assert [s.stopped_by for s in shown[4:]] == [None, "ada/1"]
-    assert mark_of(shown[4], shown[5]) & Mark.OUTSIDE
+    assert mark_of(shown[4], shown[5]) & FrameMark.OUTSIDE
 
 
 def test_marks() -> None:
@@ -145,9 +145,9 @@ def test_marks() -> None:
     marks = [mark_of(None, shown[0]), *(mark_of(a, b) for a, b in pairwise(shown))]
     found = {k: mark for k, mark in enumerate(marks) if mark}
     assert found == {
-        3: Mark.WINNER,
-        5: Mark.WINNER,
-        8: Mark.LATE,
-        9: Mark.WINNER,
-        15: Mark.WINNER | Mark.BREACH,
+        3: FrameMark.WINNER,
+        5: FrameMark.WINNER,
+        8: FrameMark.LATE,
+        9: FrameMark.WINNER,
+        15: FrameMark.WINNER | FrameMark.BREACH,
     }

@@ -12,12 +12,12 @@ from colony.verify.explain.text import lines
 from colony.watch import trail as trail_module
 from colony.watch.sources import RunFollower
 from colony.watch.store import SnapshotStore
-from colony.watch.trail import Trail
+from colony.watch.trail import RunTrail
 from tests.watch.runs import PROGRAM, page, recorded, run, scene, served
 
 
-def followed(frames: object = None, **options: int) -> Trail:
-    store, trail = SnapshotStore(scene().modules), Trail(PROGRAM, **options)
+def followed(frames: object = None, **options: int) -> RunTrail:
+    store, trail = SnapshotStore(scene().modules), RunTrail(PROGRAM, **options)
     follower = RunFollower(PROGRAM, store, trail)
     for log in frames or run():  # type: ignore[attr-defined]
         follower.take(log)

@@ -16,8 +16,8 @@ from pathlib import Path
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.library.clock import release
-from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.network import local_user
+from colony.runtime.transport.live.run_directory import UnreachableError
 from tools.attack.after import after
 from tools.attack.damage import cost, costs, flips, record
 from tools.attack.flood import KINDS, Flood, Kind, flood

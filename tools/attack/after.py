@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from colony.runtime.kit.connection import Session
 from colony.runtime.library.ask import STATUS
-from colony.runtime.transport.live.errors import UnreachableError
+from colony.runtime.transport.live.run_directory import UnreachableError
 from tools.attack.lab import Lab, memory_mb
 
 SERVERS = ("Clock", "RServer", "DServer", "PServer")

@@ -27,7 +27,7 @@ from colony.runtime.protocol.messages import (
     Wake,
     WakeAt,
 )
-from colony.runtime.transport.faults import FaultRates, Faults
+from colony.runtime.transport.faults import FaultRates, LinkFaults
 
 JOINING_NS = 1000
 """Nanoseconds for which a node that starts says nothing."""
@@ -95,7 +95,7 @@ class Guard:
             return _AT_ONCE
         identity = repr(message).encode()
         self._met[receiver, identity] += 1
-        drawn = Faults(
+        drawn = LinkFaults(
             zlib.crc32(
                 identity, zlib.crc32(f"{self._seed}/{receiver}/{self._met[receiver, identity]}".encode())
             ),

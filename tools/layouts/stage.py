@@ -41,7 +41,7 @@ from colony.runtime.assembly.processes.spec import (
 )
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.library import clock, emergency
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.bindings import bind, bound_servers
 from colony.runtime.protocol.deployment import deployment
@@ -417,7 +417,7 @@ class Caller:
         self.ask(server, CLOSE)
         del self._numbers[server]
 
-    def ask(self, server: str, ask: Ask[Any]) -> None:
+    def ask(self, server: str, ask: CallRequest[Any]) -> None:
         """Call a server, and let everything happen that follows at once."""
         self._numbers[server] += 1
         self._send(server, call_of(ask, self._connection, self._numbers[server]))

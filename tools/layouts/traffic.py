@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 import zenoh
 
-from colony.runtime.transport.live import acknowledging, inbox, network, stop_lane
+from colony.runtime.transport.live import inbox, network, reception
 from colony.runtime.transport.live.network import ZenohSession
 from tests.waiting import PATIENCE_S
 
@@ -98,7 +98,7 @@ class Traffic:
         """
         with ExitStack() as patches:
             patches.enter_context(patch.object(network, "CLOSE_S", PATIENCE_S))
-            for module in (acknowledging, inbox, stop_lane):
+            for module in (inbox, inbox, reception):
                 patches.enter_context(patch.object(module, "SimpleQueue", self._queue))
             yield
 

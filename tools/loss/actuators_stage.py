@@ -14,15 +14,14 @@ from colony.dsl.load import load_text
 from colony.ir.program import Program
 from colony.runtime.assembly.virtual import Builders, VirtualRobot
 from colony.runtime.kit.commands import Command, command, parameter
-from colony.runtime.kit.description import Description, server_spec
+from colony.runtime.kit.description import Description, Field, FieldReader, field, server_spec
 from colony.runtime.kit.errors import RobotConnectionError
-from colony.runtime.kit.fields import Field, FieldReader, field
 from colony.runtime.kit.script import Script as Generator
 from colony.runtime.kit.script import do, sleep
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.kit.service import Service
 from colony.runtime.library import actuator
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol.bindings import Bindings, bind
 from colony.runtime.protocol.deployment import Deployment
@@ -231,16 +230,16 @@ class Robot(outside_stage.Robot):
 
     # --- what connections ask ------------------------------------------------------------------------
 
-    def _raise(self, random: Random) -> tuple[str, Ask[Any]]:
+    def _raise(self, random: Random) -> tuple[str, CallRequest[Any]]:
         height, fast = random.choice((0.0, 30.0, 90.0, 250.0, 400.0, 500.0)), random.random() < 0.5
         return "Lift", self._commanded(random, "move", {"height": height, "fast": fast})
 
-    def _light(self, random: Random) -> tuple[str, Ask[Any]]:
+    def _light(self, random: Random) -> tuple[str, CallRequest[Any]]:
         return "DServer", self._commanded(random, "Lamp", {"light": random.choice((0.0, 0.1, 0.5, 1.0, 2.0))})
 
-    def _commanded(self, random: Random, name: str, values: dict[str, bool | float]) -> Ask[Any]:
+    def _commanded(self, random: Random, name: str, values: dict[str, bool | float]) -> CallRequest[Any]:
         wait = random.random() < 0.3
-        asks: dict[str, Callable[[], Ask[Any]]] = {
+        asks: dict[str, Callable[[], CallRequest[Any]]] = {
             "command": lambda: actuator.command(name, values, random.choice((0.1, 0.5, 0.5, 2.0))),
             "lock": lambda: actuator.lock(wait=wait, wait_s=1.0),
             "unlock": actuator.unlock,

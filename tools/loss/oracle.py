@@ -13,16 +13,15 @@ from itertools import pairwise
 from random import Random
 from typing import Protocol
 
-from colony.ir.frame import Decision, Frame, Reading
-from colony.ir.given import MISSED
+from colony.ir.frame import MISSED, Decision, Frame, Reading
 from colony.ir.program import Program
 from colony.ir.servers import DSERVER
-from colony.robots.scripted import FrameCollector, SentCommand
+from colony.runtime.assembly.scripted import FrameCollector, SentCommand
 from colony.runtime.assembly.virtual import VirtualRobot
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.protocol.messages import Checkpoint, Message, Restart, ServerFrame, Tick, Verdict
-from colony.runtime.transport.faults import FaultRates, Faults
+from colony.runtime.transport.faults import FaultRates, LinkFaults
 
 MS = 1_000_000
 
@@ -103,7 +102,7 @@ def plan(
         robot.transport.at(until_ns, partial(robot.revive, process))
 
 
-def link(seed: int, random: Random, is_quiet: Callable[[], bool]) -> Faults:
+def link(seed: int, random: Random, is_quiet: Callable[[], bool]) -> LinkFaults:
     """Return faults of the network until all is quiet, and none on the way to the observer."""
     share = random.choice((0.0, 0.3, 1.0, 2.0))
     rates = FaultRates(lost=0.02 * share, duplicated=0.02 * share, late=0.03 * share, reordered=0.1 * share)
@@ -111,7 +110,7 @@ def link(seed: int, random: Random, is_quiet: Callable[[], bool]) -> Faults:
     def spared(sender: str, receiver: str, message: Message) -> bool:
         return receiver == "Observer" or is_quiet()
 
-    return Faults(seed, rates, exempt=spared)
+    return LinkFaults(seed, rates, exempt=spared)
 
 
 # --- what frames were ------------------------------------------------------------------------------

@@ -23,13 +23,12 @@ from random import Random
 from typing import Any, NamedTuple
 
 from colony.analysis.audit import audit
-from colony.analysis.verdict import objection, outside_objection, same_values
-from colony.ir.frame import Decision, Frame, Outcome
-from colony.ir.given import MISSED, given_in_frame
+from colony.analysis.report import objection, outside_objection, same_values
+from colony.ir.frame import MISSED, Decision, Frame, Outcome, given_in_frame
 from colony.ir.program import Program, in_declared_units
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.verify.contracts.prove import prove_contracts
-from colony.verify.contracts.results import Options, Proved
+from colony.verify.contracts.results import ProofOptions, Proved
 from colony.verify.reference.interpreter import Interpreter
 from tools.loss.oracle import MS, check_recovered, epochs, link, observed, plan, possible_frames
 from tools.loss.outside_stage import SERVERS, Happened, Robot, variant
@@ -77,7 +76,7 @@ def run(seed: int) -> Counter[str]:
 @lru_cache(maxsize=64)
 def proved(program: Program) -> frozenset[str]:
     """The contracts that are proved with operators."""
-    results = prove_contracts(program, Options())
+    results = prove_contracts(program, ProofOptions())
     return frozenset(r.contract.name for r in results if isinstance(r, Proved) and r.operators)
 
 

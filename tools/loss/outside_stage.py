@@ -11,14 +11,14 @@ from typing import Any, Literal, NamedTuple
 
 from colony.dsl.load import load_text
 from colony.ir.program import Program
-from colony.robots.scripted import FrameCollector
+from colony.runtime.assembly.scripted import FrameCollector
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.script import Script as Generator
 from colony.runtime.kit.script import do, sleep
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import clock, data, emergency, robot
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.bindings import Bindings, bind
 from colony.runtime.protocol.messages import Message, Sample, ServerFrame, Verdict
 from colony.runtime.servers.drivers import BaseState
@@ -154,7 +154,7 @@ class Readings:
         return t_ns < self._until_ns and self._bumped[t_ns // (300 * MS)]
 
 
-Asks = Callable[[Random], tuple[str, Ask[Any]]]
+Asks = Callable[[Random], tuple[str, CallRequest[Any]]]
 """A function that draws what to ask of which server."""
 
 
@@ -250,13 +250,13 @@ class Robot:
             for _ in range(3):
                 yield from _called("Clock", clock.release())
 
-    def _motion(self, random: Random) -> tuple[str, Ask[Any]]:
+    def _motion(self, random: Random) -> tuple[str, CallRequest[Any]]:
         velocity, turn = random.choice((-400.0, 30.0, 100.0, 250.0, 600.0)), random.uniform(-60.0, 60.0)
         lease, wait = random.choice((0.1, 0.5, 0.5, 2.0)), random.random() < 0.3
         kind = random.choice(
             ("drive", "drive", "drive", "go", "jog", "move", "turn", "lock", "unlock", "stop")
         )
-        asks: dict[str, Callable[[], Ask[Any]]] = {
+        asks: dict[str, Callable[[], CallRequest[Any]]] = {
             "drive": lambda: robot.drive(velocity, turn, lease),
             "go": lambda: robot.go(velocity, lease),
             "jog": lambda: robot.jog(turn, lease),
@@ -270,7 +270,7 @@ class Robot:
             return "RServer", robot.ignore_limits(random.random() < 0.6)
         return "RServer", asks[kind]()
 
-    def _note(self, random: Random) -> tuple[str, Ask[Any]]:
+    def _note(self, random: Random) -> tuple[str, CallRequest[Any]]:
         """Set the goal; press and release the emergency stop now and then."""
         draw = random.random()
         if draw < 0.05:
@@ -280,7 +280,7 @@ class Robot:
         return "DServer", data.set("Goal", random.choice((5.0, 80.0, 200.0, 350.0)))
 
 
-def _called(server: str, ask: Ask[Any]) -> Generator:
+def _called(server: str, ask: CallRequest[Any]) -> Generator:
     try:
         yield from do(server, ask)
     except RobotConnectionError:

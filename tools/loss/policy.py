@@ -25,8 +25,8 @@ from typing import Literal, NamedTuple
 from colony.execute.executor import ClientMemory
 from colony.ir.frame import Answer, Decision, Frame
 from colony.ir.program import Program
-from colony.robots.scripted import SentCommand
-from colony.runtime.clients.memory import decode_memory
+from colony.runtime.assembly.scripted import SentCommand
+from colony.runtime.clients.client import decode_memory
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import Tick
 from colony.runtime.protocol.topics import module_of

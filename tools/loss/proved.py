@@ -21,14 +21,14 @@ from colony.ir.frame import Frame
 from colony.ir.program import Actuator, ActuatorField, Contract, Program
 from colony.ir.servers import DSERVER
 from colony.ir.types import BOOL, Bool, Enum, ScalarValue
-from colony.robots.scripted import ActuatorServer, Readings, SentCommand
 from colony.runtime.arbitration.ballot import STOPPED, Interventions, OutsideCommand
+from colony.runtime.assembly.scripted import ActuatorServer, Readings, SentCommand
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Bounds, Effect, Message, Tick
-from colony.runtime.transport.faults import FaultRates, Faults
+from colony.runtime.transport.faults import FaultRates, LinkFaults
 from colony.verify.claims import any_of, binary, constant, implies, value_or
 from colony.verify.contracts.prove import prove_contracts
-from colony.verify.contracts.results import Options, Proved, ProvedInTime
+from colony.verify.contracts.results import ProofOptions, Proved, ProvedInTime
 from tests.drawn.strategies import run_of_seed
 from tools.drawn_programs import Holding, with_weaker_contracts
 from tools.loss.oracle import observed, plan
@@ -36,7 +36,7 @@ from tools.loss.seeds import named
 from tools.loss.stage import Robot
 
 FRAMES = 60
-OPTIONS = Options(depth=2, max_frames=2, resources=300_000)
+OPTIONS = ProofOptions(depth=2, max_frames=2, resources=300_000)
 
 Kind = Literal["always", "late", "operators"]
 """What happens in a run: nothing, or faults, or commands from outside besides."""
@@ -197,7 +197,7 @@ def run_one(
         trace,
         frame_ns=frame_ns,
         seed=random.randrange(1000),
-        link=Faults(random.randrange(1000), rates, exempt=exempt),
+        link=LinkFaults(random.randrange(1000), rates, exempt=exempt),
         isolate=random.random() < 0.5,
         actuator_server=server,
     )

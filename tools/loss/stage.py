@@ -9,7 +9,7 @@ from dataclasses import replace
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame
 from colony.ir.program import Program
-from colony.robots.scripted import (
+from colony.runtime.assembly.scripted import (
     SCRIPTED_SERVERS,
     ActuatorServer,
     ActuatorServerBuilder,

@@ -17,7 +17,7 @@ from colony.vision.letters.decoding import (
     HEAD_POOL,
     PADS,
     POOLS,
-    Layer,
+    ConvolutionLayer,
     LetterNet,
 )
 from tools.training.ctc import ctc_loss
@@ -58,9 +58,9 @@ class _Stage(NamedTuple):
             gradient = layer.backward(gradient)
         return gradient
 
-    def folded(self) -> Layer:
+    def folded(self) -> ConvolutionLayer:
         """Return the equivalent convolution with a bias, without the pooling."""
-        return Layer(*self.normalization.folded(self.convolution.kernel.value))
+        return ConvolutionLayer(*self.normalization.folded(self.convolution.kernel.value))
 
 
 class Learner:
@@ -152,9 +152,9 @@ def _loss(scores: Floats, plates: Floats, texts: Sequence[str]) -> tuple[float, 
     return loss / len(texts), score_gradient / count, plate_gradient / count
 
 
-def _linear(layer: Convolution) -> Layer:
+def _linear(layer: Convolution) -> ConvolutionLayer:
     assert layer.bias is not None, "a last layer has a bias"
-    return Layer(layer.kernel.value.copy(), layer.bias.value.copy())
+    return ConvolutionLayer(layer.kernel.value.copy(), layer.bias.value.copy())
 
 
 def _update(parameter: Parameter, first: Floats, second: Floats, rate: float) -> None:

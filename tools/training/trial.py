@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.vision.detections import Reading
+from colony.vision.detections import PlateReading
 from colony.vision.letters.decoding import LetterNet
 from colony.vision.plates.reader import plate_strip, reading_of, texts_of, weigh
 from tools.training.samples import Sample, junk_sample, plate_sample
@@ -85,13 +85,13 @@ def junk_score(net: LetterNet, fonts: Sequence[Path], count: int, random: np.ran
     return JunkScore(count, len(found), sum(reading.confidence >= 0.9 for reading in found))
 
 
-def read(net: LetterNet, sample: Sample) -> Reading:
+def read(net: LetterNet, sample: Sample) -> PlateReading:
     """Return the network's reading of a sample."""
     strip = plate_strip(sample.image, sample.corners)
-    return Reading("", 1.0) if strip is None else reading_of(net.run(strip), net)
+    return PlateReading("", 1.0) if strip is None else reading_of(net.run(strip), net)
 
 
-def _surprise(reading: Reading, text: str) -> float:
+def _surprise(reading: PlateReading, text: str) -> float:
     """Return the negative logarithm of the probability that a reading gives to a text."""
     probability = dict(((reading.text, reading.confidence), *reading.alternatives)).get(text, 0.0)
     return -math.log(max(probability, _MIN_PROBABILITY))

@@ -63,7 +63,7 @@ def check_readme(everything: Environment, place: Path) -> None:
         everything.run(*_within_a_minute(line), folder=folder, codes=_codes(line))
     asked = [line for line in lines[at + 1 :] if line.startswith(OF_SERVERS)]
     with _served(everything, lines[at], folder, "RServer"):
-        everything.run("colony", "run", "wander", "--connect", "--duration", "5", folder=folder)
+        everything.run("colony", "drive", "wander", "--duration", "5", folder=folder)
         everything.run("python", "-c", script, folder=folder)
         for line in (*asked, "colony stop --release"):
             everything.run(*shlex.split(line), folder=folder)

@@ -5,68 +5,76 @@ which it looks, counterclockwise from ahead. Bearings are those of the interface
 `colony robot check` compares both.
 """
 
-from colony.body.devices.actuators import Base, Joint, OmnidirectionalBase, Output, RotaryJoint
-from colony.body.devices.cameras import Camera, CeilingCamera, Size
-from colony.body.devices.common import CENTER, Place, Pose
-from colony.body.devices.ranging import Infrared, Lidar, Proximity, RangeFinder, Sonar
+from colony.body.devices.actuators import BaseSpec, JointSpec, OmnidirectionalBase, Output, RotaryJoint
+from colony.body.devices.common import CENTER, MountPoint, MountPose
+from colony.body.devices.ranging import (
+    CameraSpec,
+    CeilingCameraSpec,
+    Infrared,
+    LidarSpec,
+    Proximity,
+    RangeFinder,
+    Size,
+    Sonar,
+)
 from colony.body.devices.sensors import (
     AccelerationErrors,
-    Battery,
-    Bumper,
+    BatterySpec,
+    BumperSpec,
     Button,
-    Cliff,
-    Compass,
-    DockSensor,
-    Encoders,
-    Imu,
+    CliffSpec,
+    CompassSpec,
+    DockSensorSpec,
+    EncodersSpec,
+    ImuSpec,
     TurnErrors,
     ValueField,
-    Values,
+    ValuesSpec,
 )
 
 Device = (
-    Base
+    BaseSpec
     | Proximity
-    | Lidar
+    | LidarSpec
     | RangeFinder
-    | Bumper
-    | Imu
-    | Compass
-    | Encoders
-    | Camera
-    | CeilingCamera
-    | Cliff
-    | DockSensor
-    | Battery
+    | BumperSpec
+    | ImuSpec
+    | CompassSpec
+    | EncodersSpec
+    | CameraSpec
+    | CeilingCameraSpec
+    | CliffSpec
+    | DockSensorSpec
+    | BatterySpec
     | Button
-    | Joint
+    | JointSpec
     | RotaryJoint
     | Output
-    | Values
+    | ValuesSpec
 )
 
-Directed = Proximity | Lidar | RangeFinder
+Directed = Proximity | LidarSpec | RangeFinder
 """The devices whose elements look along bearings."""
 
 DEVICES: tuple[tuple[str, type], ...] = (
-    ("base", Base),
+    ("base", BaseSpec),
     ("proximity", Proximity),
-    ("lidar", Lidar),
+    ("lidar", LidarSpec),
     ("range_finder", RangeFinder),
-    ("bumper", Bumper),
-    ("imu", Imu),
-    ("compass", Compass),
-    ("encoders", Encoders),
-    ("camera", Camera),
-    ("ceiling_camera", CeilingCamera),
-    ("cliff", Cliff),
-    ("dock_sensor", DockSensor),
-    ("battery", Battery),
+    ("bumper", BumperSpec),
+    ("imu", ImuSpec),
+    ("compass", CompassSpec),
+    ("encoders", EncodersSpec),
+    ("camera", CameraSpec),
+    ("ceiling_camera", CeilingCameraSpec),
+    ("cliff", CliffSpec),
+    ("dock_sensor", DockSensorSpec),
+    ("battery", BatterySpec),
     ("button", Button),
-    ("joint", Joint),
+    ("joint", JointSpec),
     ("rotary_joint", RotaryJoint),
     ("output", Output),
-    ("value", Values),
+    ("value", ValuesSpec),
 )
 """The devices by their names in a body."""
 
@@ -74,26 +82,26 @@ __all__ = [
     "CENTER",
     "DEVICES",
     "AccelerationErrors",
-    "Base",
-    "Battery",
-    "Bumper",
+    "BaseSpec",
+    "BatterySpec",
+    "BumperSpec",
     "Button",
-    "Camera",
-    "CeilingCamera",
-    "Cliff",
-    "Compass",
+    "CameraSpec",
+    "CeilingCameraSpec",
+    "CliffSpec",
+    "CompassSpec",
     "Device",
     "Directed",
-    "DockSensor",
-    "Encoders",
-    "Imu",
+    "DockSensorSpec",
+    "EncodersSpec",
+    "ImuSpec",
     "Infrared",
-    "Joint",
-    "Lidar",
+    "JointSpec",
+    "LidarSpec",
+    "MountPoint",
+    "MountPose",
     "OmnidirectionalBase",
     "Output",
-    "Place",
-    "Pose",
     "Proximity",
     "RangeFinder",
     "RotaryJoint",
@@ -101,5 +109,5 @@ __all__ = [
     "Sonar",
     "TurnErrors",
     "ValueField",
-    "Values",
+    "ValuesSpec",
 ]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from colony.body.devices.common import DIRECTION, POSITION
-from colony.body.kinds import NOT_NEGATIVE, POSITIVE, Interval, Measure, Named, Word, entry
+from colony.body.kinds import NOT_NEGATIVE, POSITIVE, Interval, Measure, NamedTables, WordKind, entry
 from colony.ir.servers import (
     OMNIDIRECTIONAL_RSERVER,
     RSERVER,
@@ -26,7 +26,7 @@ from colony.text.units import ANGLE, LENGTH, MASS, TIME
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Base:
+class BaseSpec:
     """The base: drive, dead reckoning and bumpers, as `[body]` describes them."""
 
     @property
@@ -41,7 +41,7 @@ class Base:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class OmnidirectionalBase(Base):
+class OmnidirectionalBase(BaseSpec):
     """A base that drives sideways, too."""
 
     @property
@@ -62,7 +62,7 @@ class OmnidirectionalBase(Base):
 Control = Literal["position", "velocity"]
 """The quantity by which a joint is commanded."""
 
-_CONTROL = Word(("position", "velocity"))
+_CONTROL = WordKind(("position", "velocity"))
 _CONTROL_MEANING = "what it is commanded by: it goes to a position, or runs at a velocity [default: position]"
 _LOAD = Measure(MASS, "20 kg", NOT_NEGATIVE)
 _LOAD_MEANING = "the mass that it carries [default: none]"
@@ -118,7 +118,7 @@ class _Joint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Joint(_Joint):
+class JointSpec(_Joint):
     """A joint that moves along a line, such as a lift."""
 
     of: ClassVar[Scalar] = DISTANCE
@@ -128,7 +128,7 @@ class Joint(_Joint):
     )
     speed: float = entry("speed", Measure(LENGTH.over(TIME), "50 mm/s", POSITIVE), "how fast it moves")
     control: Control = entry("control", _CONTROL, _CONTROL_MEANING, default="position")
-    positions: Mapping[str, float] = entry("positions", Named(POSITION), _POSITIONS_MEANING, default={})
+    positions: Mapping[str, float] = entry("positions", NamedTables(POSITION), _POSITIONS_MEANING, default={})
     load: float = entry("load", _LOAD, _LOAD_MEANING, default=0.0)
 
 
@@ -143,7 +143,9 @@ class RotaryJoint(_Joint):
     )
     speed: float = entry("speed", Measure(ANGLE.over(TIME), "60 deg/s", POSITIVE), "how fast it turns")
     control: Control = entry("control", _CONTROL, _CONTROL_MEANING, default="position")
-    positions: Mapping[str, float] = entry("positions", Named(DIRECTION), _POSITIONS_MEANING, default={})
+    positions: Mapping[str, float] = entry(
+        "positions", NamedTables(DIRECTION), _POSITIONS_MEANING, default={}
+    )
     load: float = entry("load", _LOAD, _LOAD_MEANING, default=0.0)
 
 
@@ -161,7 +163,7 @@ class Output:
 
     outputs: Mapping[str, OutputKind] = entry(
         "outputs",
-        Named(Word(("on", "level"))),
+        NamedTables(WordKind(("on", "level"))),
         "the outputs by name: one that is on or off, or has a level from 0 to 1",
     )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from colony.body.devices.common import (
     CENTER,
@@ -17,14 +18,66 @@ from colony.body.devices.common import (
     SIZE,
     SPREAD,
     STEP,
-    Pose,
-    Sensor,
+    MountPose,
+    SensorSpec,
 )
-from colony.body.kinds import Bounds, Many, Measure, Table, Whole, entry
+from colony.body.kinds import POSITIVE, AllowedRange, FixedArray, Many, Measure, TableKind, Whole, entry
 from colony.ir.bearings import Bearings, listed_bearings, uniform
 from colony.ir.servers import FieldSpec
 from colony.ir.types import BOOL, DISTANCE, MAX_ELEMENTS, Array
-from colony.text.units import ANGLE
+from colony.text.units import ANGLE, LENGTH
+
+# --- cameras -------------------------------------------------------------------------------------------
+#
+# Cameras.
+
+
+_HEIGHT = Measure(LENGTH, "1.2 m", POSITIVE)
+_VIEW = Measure(ANGLE, "60 deg", AllowedRange(low=1.0, high=179.0))
+
+
+class Size(NamedTuple):
+    """The size of an image, in pixels."""
+
+    columns: int
+    rows: int
+
+
+_SIZE = FixedArray((Whole(4, 4000), Whole(4, 4000)), Size)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraSpec(SensorSpec):
+    """A level camera: its optical axis is parallel to the floor."""
+
+    pose: MountPose = entry("pose", POSE, POSE_MEANING, default=CENTER)
+    height_mm: float = entry("height", _HEIGHT, "height of the lens above the floor")
+    view_deg: float = entry("view", _VIEW, "horizontal angle of view")
+    size: Size = entry("size", _SIZE, "columns and rows of the image")
+
+    @property
+    def fields(self) -> tuple[FieldSpec, ...]:
+        """The fields that it measures: none; images are asked for."""
+        return ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CeilingCameraSpec(SensorSpec):
+    """A camera that looks straight up, with the columns of its image along the direction of travel."""
+
+    below_ceiling_mm: float = entry("below_ceiling", _HEIGHT, "distance of the lens from the ceiling")
+    along_deg: float = entry("along", _VIEW, "angle of view along the direction of travel")
+    across_deg: float = entry("across", _VIEW, "angle of view across it")
+    size: Size = entry("size", _SIZE, "columns and rows of the image")
+
+    @property
+    def fields(self) -> tuple[FieldSpec, ...]:
+        """The fields that it measures: none; images are asked for."""
+        return ()
+
+
+# --- ranging -------------------------------------------------------------------------------------------
+
 
 # --- lidar --------------------------------------------------------------------------------------------
 #
@@ -32,10 +85,10 @@ from colony.text.units import ANGLE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Lidar(Sensor):
+class LidarSpec(SensorSpec):
     """A laser scanner."""
 
-    pose: Pose = entry("pose", POSE, POSE_MEANING, default=CENTER)
+    pose: MountPose = entry("pose", POSE, POSE_MEANING, default=CENTER)
     field: str = entry("field", FIELD_NAME, "the field that has the ranges [default: scan]", default="scan")
     count: int = entry("count", COUNT, "the number of beams")
     bearing_deg: float = entry("bearing", DIRECTION, "the direction of element 0, seen from the robot")
@@ -63,11 +116,11 @@ class Lidar(Sensor):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RangeFinder(Sensor):
+class RangeFinder(SensorSpec):
     """One or several single range finders, each of which looks along a ray or into a cone."""
 
     field: str = entry("field", FIELD_NAME, "the field that has the ranges [default: range]", default="range")
-    poses: tuple[Pose, ...] = entry("poses", Many(POSE, 1, MAX_ELEMENTS), f"of each one: {POSE_MEANING}")
+    poses: tuple[MountPose, ...] = entry("poses", Many(POSE, 1, MAX_ELEMENTS), f"of each one: {POSE_MEANING}")
     range_mm: float = entry("range", RANGE, "the longest range")
     nearest_mm: float = entry("nearest", SPREAD, "the smallest reading", default=0.0)
     half_beam_deg: float = entry(
@@ -114,7 +167,7 @@ class Sonar:
     )
     critical_deg: float = entry(
         "critical",
-        Measure(ANGLE, "30 deg", Bounds(low=0.0, high=90.0)),
+        Measure(ANGLE, "30 deg", AllowedRange(low=0.0, high=90.0)),
         "the angle to the normal beyond which a wall reflects the sound away",
     )
     noise_mm: float = entry("noise", SPREAD, "standard deviation of an echo", default=0.0)
@@ -137,7 +190,7 @@ class Infrared:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Proximity(Sensor):
+class Proximity(SensorSpec):
     """A ring of sonars and infrared detectors around the robot's center, one of each along each bearing."""
 
     count: int = entry("count", COUNT, "the number of sonars, and of infrared detectors")
@@ -146,8 +199,8 @@ class Proximity(Sensor):
         "step", STEP, "the angle from each element to the next [default: 360 deg / count]", default=None
     )
     ring_mm: float = entry("ring", SIZE, "distance of the transducers from the center; ranges begin there")
-    sonar: Sonar = entry("sonar", Table(Sonar), "the sonars")
-    infrared: Infrared = entry("infrared", Table(Infrared), "the infrared detectors")
+    sonar: Sonar = entry("sonar", TableKind(Sonar), "the sonars")
+    infrared: Infrared = entry("infrared", TableKind(Infrared), "the infrared detectors")
 
     @property
     def fields(self) -> tuple[FieldSpec, ...]:

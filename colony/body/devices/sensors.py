@@ -20,24 +20,24 @@ from colony.body.devices.common import (
     RANGE,
     SIZE,
     SPREAD,
-    Place,
-    Pose,
-    Sensor,
+    MountPoint,
+    MountPose,
+    SensorSpec,
 )
 from colony.body.kinds import (
     NOT_NEGATIVE,
     POSITIVE,
+    AllowedRange,
     Amount,
     AnyAmount,
-    Bounds,
+    FixedArray,
     Interval,
     Many,
     Measure,
-    Named,
-    Row,
-    Table,
+    NamedTables,
+    TableKind,
     Whole,
-    Word,
+    WordKind,
     entry,
 )
 from colony.ir.servers import FieldSpec
@@ -62,7 +62,7 @@ from colony.text.units import POWER as POWER_UNITS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Battery(Sensor):
+class BatterySpec(SensorSpec):
     """A battery, which is charged at a dock of the map or, if the map has none, where the run began."""
 
     capacity_j: float = entry(
@@ -81,7 +81,7 @@ class Battery(Sensor):
     )
     reach_angle_deg: float = entry(
         "reach_angle",
-        Measure(ANGLE, "10 deg", Bounds(low=0.0, high=180.0)),
+        Measure(ANGLE, "10 deg", AllowedRange(low=0.0, high=180.0)),
         "angle between the headings of robot and charger up to which it charges [default: any]",
         default=180.0,
     )
@@ -101,7 +101,7 @@ class Battery(Sensor):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bumper(Sensor):
+class BumperSpec(SensorSpec):
     """A bumper that feels in which sectors of the hull something touches the robot."""
 
     field: str = entry("field", FIELD_NAME, "the field that has them [default: bumper]", default="bumper")
@@ -127,7 +127,7 @@ class Bumper(Sensor):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Button(Sensor):
+class Button(SensorSpec):
     """Buttons and switches, which `--set` and scenarios press; otherwise they are released."""
 
     names: tuple[str, ...] = entry("fields", Many(FIELD_NAME, 1, 100), "the fields, one for each button")
@@ -144,13 +144,13 @@ class Button(Sensor):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cliff(Sensor):
+class CliffSpec(SensorSpec):
     """Sensors that look down, and see where the ground is missing."""
 
     field: str = entry("field", FIELD_NAME, "the field that has them [default: cliff]", default="cliff")
-    places: tuple[Place, ...] = entry(
+    places: tuple[MountPoint, ...] = entry(
         "places",
-        Many(Row((POSITION, POSITION), Place), 1, MAX_ELEMENTS),
+        Many(FixedArray((POSITION, POSITION), MountPoint), 1, MAX_ELEMENTS),
         "where each sensor looks: x ahead of the robot's center, y to the left of it",
     )
 
@@ -170,7 +170,7 @@ class Cliff(Sensor):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Compass(Sensor):
+class CompassSpec(SensorSpec):
     """A compass, which iron in the building disturbs."""
 
     noise_deg: float = entry(
@@ -178,7 +178,7 @@ class Compass(Sensor):
     )
     offset_deg: float = entry(
         "offset",
-        Measure(ANGLE, "2 deg", Bounds(low=-360.0, high=360.0)),
+        Measure(ANGLE, "2 deg", AllowedRange(low=-360.0, high=360.0)),
         "what is added to each reading, as by a compass that is mounted askew",
         default=0.0,
     )
@@ -195,14 +195,14 @@ class Compass(Sensor):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DockSensor(Sensor):
+class DockSensorSpec(SensorSpec):
     """A sensor that sees the nearest dock of the map, if no wall hides it."""
 
-    pose: Pose = entry("pose", POSE, POSE_MEANING, default=CENTER)
+    pose: MountPose = entry("pose", POSE, POSE_MEANING, default=CENTER)
     range_mm: float = entry("range", RANGE, "the distance up to which it sees a dock")
     view_deg: float = entry(
         "view",
-        Measure(ANGLE, "60 deg", Bounds(low=1.0, high=360.0)),
+        Measure(ANGLE, "60 deg", AllowedRange(low=1.0, high=360.0)),
         "angle of view [default: all around]",
         default=360.0,
     )
@@ -239,7 +239,7 @@ class DockSensor(Sensor):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Encoders(Sensor):
+class EncodersSpec(SensorSpec):
     """Encoders of the driven wheels, which dead reckoning is made of."""
 
     wheels: int = entry("wheels", Whole(2, MAX_WHEELS), "the number of driven wheels [default: 2]", default=2)
@@ -288,13 +288,15 @@ class AccelerationErrors:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Imu(Sensor):
+class ImuSpec(SensorSpec):
     """An inertial unit at the robot's center: a gyroscope and accelerometers."""
 
-    turn: TurnErrors = entry("turn", Table(TurnErrors), "the errors of the turn rate", default=TurnErrors())
+    turn: TurnErrors = entry(
+        "turn", TableKind(TurnErrors), "the errors of the turn rate", default=TurnErrors()
+    )
     acceleration: AccelerationErrors = entry(
         "acceleration",
-        Table(AccelerationErrors),
+        TableKind(AccelerationErrors),
         "the errors of the accelerations",
         default=AccelerationErrors(),
     )
@@ -352,19 +354,19 @@ class ValueField:
     noise: Amount | None = entry("noise", _AMOUNT, "standard deviation of a reading", default=None)
     rectangles: tuple[PaintedRectangle, ...] = entry(
         "rectangles",
-        Many(Row((POSITION, POSITION, POSITION, POSITION, _AMOUNT), PaintedRectangle), 0, 1000),
+        Many(FixedArray((POSITION, POSITION, POSITION, POSITION, _AMOUNT), PaintedRectangle), 0, 1000),
         "rectangles of the map: x and y of two opposite corners, and the value inside; the last one counts",
         default=(),
     )
     circles: tuple[PaintedCircle, ...] = entry(
         "circles",
-        Many(Row((POSITION, POSITION, SIZE, _AMOUNT), PaintedCircle), 0, 1000),
+        Many(FixedArray((POSITION, POSITION, SIZE, _AMOUNT), PaintedCircle), 0, 1000),
         "circles of the map, over the rectangles: x, y, radius, and the value inside; the last one counts",
         default=(),
     )
     edge: Literal["sharp", "fading"] = entry(
         "edge",
-        Word(("sharp", "fading")),
+        WordKind(("sharp", "fading")),
         "whether the value of a circle ends at its edge, or fades from its center to what is around it "
         "[default: sharp]",
         default="sharp",
@@ -389,10 +391,12 @@ class ValueField:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Values(Sensor):
+class ValuesSpec(SensorSpec):
     """Values of your own: constant, with noise, or painted over the map; scenarios change them."""
 
-    values: Mapping[str, ValueField] = entry("values", Named(Table(ValueField)), "the fields by name")
+    values: Mapping[str, ValueField] = entry(
+        "values", NamedTables(TableKind(ValueField)), "the fields by name"
+    )
 
     @property
     def fields(self) -> tuple[FieldSpec, ...]:

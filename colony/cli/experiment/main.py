@@ -20,21 +20,33 @@ from colony.cli.experiment.options import (
     results_option,
     workers_option,
 )
-from colony.cli.outputs import check_output, write_whole
+from colony.cli.outputs import BEHAVIOR, check_output, map_option, write_whole
 from colony.cli.params_choice import chosen_params, params_option
 from colony.cli.reporting import say
 from colony.cli.robot_choice import chosen_robot, description_option
-from colony.cli.run.options import DURATION, OptionError, duration_ns, held, scenario_of, start_pose
-from colony.cli.shipped_files import BEHAVIOR, MAX_MOVERS, map_option, start_option
+from colony.cli.run.options import (
+    DURATION,
+    MAX_MOVERS,
+    OptionError,
+    behavior_argument,
+    duration_ns,
+    duration_option,
+    expect_both_ends,
+    format_option,
+    goal_option,
+    origin_option,
+    run_spec,
+    scenario_option,
+    settings_option,
+    start_option,
+)
 from colony.extras import expect_extras
-from colony.robots.request import MisuseError, RunRequest
+from colony.runs.spec import MisuseError
 
 if TYPE_CHECKING:
-    from colony.experiment.design import Experiment, Range, Trial
+    from colony.experiment.design import Experiment, ProgramChoice, SweptRange, Trial
     from colony.experiment.parallel import Engine
-    from colony.experiment.programs import ProgramChoice
     from colony.experiment.trial import TrialResult
-    from colony.ir.program import Robot
     from colony.nav.maps.world_map import WorldMap
 
 
@@ -43,18 +55,13 @@ MAX_RUNS = 1_000_000
 
 
 @click.command("experiment", short_help="simulate many runs of a behavior, and report statistics")
-@click.argument("file", metavar="FILE", type=BEHAVIOR)
+@behavior_argument
 @description_option()
 @map_option
 @click.option(
     "--runs", type=click.IntRange(1, MAX_RUNS), default=100, show_default=True, help="The number of runs."
 )
-@click.option(
-    "--duration",
-    metavar="TIME",
-    help=f"The length of a run: {DURATION} (in seconds), 90s or 2min. [default: {DURATION}, with --to until "
-    "the robot has arrived]",
-)
+@duration_option(f"{DURATION}, with --to until the robot has arrived")
 @click.option(
     "--seed",
     type=click.IntRange(0, 10**18),  # seeds of runs are integers of SQLite
@@ -84,21 +91,10 @@ MAX_RUNS = 1_000_000
     "without a unit give whole numbers. May be repeated.",
 )
 @params_option()
-@click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Hold what the program reads at this value, as with `colony run`. May be repeated.",
-)
-@click.option(
-    "--scenario",
-    metavar="FILE",
-    type=click.Path(dir_okay=False),
-    help="Change such values over time, from the beginning of each run.",
-)
-@click.option("--from", "origin", metavar="ROOM", help="With --to: the room where the robot starts.")
-@click.option("--to", "goal", metavar="ROOM", help="With --from: the goal, which each run tries to reach.")
+@settings_option
+@scenario_option
+@origin_option
+@goal_option
 @click.option("--hazards", is_flag=True, help="With --to: simulate hazards, drawn for each run.")
 @click.option(
     "--versus",
@@ -117,7 +113,7 @@ MAX_RUNS = 1_000_000
 @engine_option
 @results_option
 @click.option("--picture", metavar="PATH", help="Draw all paths and contacts over the map, as PNG or SVG.")
-@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
+@format_option
 def command(
     workers: int | None,
     engine: str,
@@ -166,7 +162,7 @@ def command(
         with announcing_compilation(say):
             import_module("colony.experiment.trial")  # with the simulator
         from colony.body.model import radius_mm
-        from colony.experiment.programs import compiled_of
+        from colony.experiment.design import compiled_of
 
         radius = radius_mm(compiled_of(experiment.programs[0]).described.body)
         if replay is not None:
@@ -190,7 +186,7 @@ def _engine(text: str, workers: int | None) -> Engine:
 @contextmanager
 def _reporting_errors() -> Iterator[None]:
     """Report an error that prevents the experiment, and exit."""
-    from colony.cli.run.main import reporting_failures
+    from colony.cli.run.running import reporting_failures
     from colony.experiment.parallel import WorkersLostError
     from colony.experiment.results import ResultsError
     from colony.nav.maps.free_space import NoRoomError
@@ -203,7 +199,7 @@ def _reporting_errors() -> Iterator[None]:
         raise click.exceptions.Exit(EXIT_MISUSE) from None
 
 
-# --- the request ---------------------------------------------------------------------------------
+# --- the design ----------------------------------------------------------------------------------
 
 
 def _floor(path: str | None) -> WorldMap:
@@ -217,13 +213,18 @@ def _floor(path: str | None) -> WorldMap:
 
 def _experiment(options: dict[str, Any], floor: WorldMap) -> Experiment:
     """Return the requested experiment; its behaviors compile, also with both ends of the ranges of params."""
-    from colony.experiment.design import Experiment
-    from colony.experiment.digest import digest_of
-    from colony.experiment.programs import compiled_of, sources_digest
+    from colony.experiment.design import Experiment, compiled_of, sources_digest
+    from colony.experiment.results import digest_of
 
     _expect_one_start(options)
     programs, params = _programs(options), _params(options["ranges"])
     movers = _movers(options["movers"])
+    varied = {
+        "hazards": 0 if options["hazards"] else None,
+        "movers": movers if isinstance(movers, int) else 0,
+    }
+    if options["length_ns"] is None and options["goal"] is None:
+        varied["length_ns"] = duration_ns(DURATION)
     compiled = [compiled_of(program) for program in programs]
     programs = tuple(
         program._replace(sources=sources_digest(each.compiled))
@@ -235,7 +236,7 @@ def _experiment(options: dict[str, Any], floor: WorldMap) -> Experiment:
     return Experiment(
         name=f"on {compiled[0].compiled.name} in {floor.name}",
         programs=programs,
-        request=_request(compiled[0].program.robot, options, movers),
+        spec=run_spec(compiled[0].program.robot, options | varied),
         runs=options["runs"],
         varies_start="start" in options["vary"],
         movers=None if isinstance(movers, int) else movers,
@@ -247,9 +248,8 @@ def _experiment(options: dict[str, Any], floor: WorldMap) -> Experiment:
 
 def _expect_one_start(options: dict[str, Any]) -> None:
     """Refuse options that give a run several starts, or half of a route."""
-    origin, goal, varies_start = options["origin"], options["goal"], "start" in options["vary"]
-    if (origin is None) != (goal is None):
-        raise OptionError("--from and --to belong together; expected --from ROOM --to ROOM")
+    expect_both_ends(options)
+    goal, varies_start = options["goal"], "start" in options["vary"]
     if goal is not None and (varies_start or options["start"] is not None):
         raise OptionError("--start and --vary start are for runs without --from and --to")
     if varies_start and options["start"] is not None:
@@ -259,7 +259,7 @@ def _expect_one_start(options: dict[str, Any]) -> None:
 
 
 def _programs(options: dict[str, Any]) -> tuple[ProgramChoice, ...]:
-    from colony.experiment.programs import ProgramChoice
+    from colony.experiment.design import ProgramChoice
 
     files = [options["file"], *([options["versus"]] if options["versus"] is not None else [])]
     if len(set(files)) < len(files):
@@ -272,10 +272,10 @@ def _programs(options: dict[str, Any]) -> tuple[ProgramChoice, ...]:
     )
 
 
-def _params(texts: Sequence[str]) -> tuple[tuple[str, Range], ...]:
+def _params(texts: Sequence[str]) -> tuple[tuple[str, SweptRange], ...]:
     from colony.experiment.design import range_of
 
-    ranges: dict[str, Range] = {}
+    ranges: dict[str, SweptRange] = {}
     for text in texts:
         name, equals, values = text.partition("=")
         if not (name and equals) or name in ranges:
@@ -287,7 +287,7 @@ def _params(texts: Sequence[str]) -> tuple[tuple[str, Range], ...]:
     return tuple(ranges.items())
 
 
-def _movers(text: str) -> int | Range:
+def _movers(text: str) -> int | SweptRange:
     from colony.experiment.design import range_of
 
     with suppress(ValueError):
@@ -301,25 +301,6 @@ def _movers(text: str) -> int | Range:
     raise OptionError(f"--movers: found `{text}`; expected a number up to {MAX_MOVERS}, or two: 0..5")
 
 
-def _request(robot: Robot, options: dict[str, Any], movers: int | Range) -> RunRequest:
-    pinned, given = held(robot, options["settings"])
-    duration = options["duration"] or (None if options["goal"] is not None else DURATION)
-    return RunRequest(
-        file=options["file"],
-        map_path=options["map_path"],
-        seed=options["seed"],
-        length_ns=None if duration is None else duration_ns(duration),
-        pinned_variables=pinned,
-        scenario=scenario_of(robot, options["scenario"], given),
-        cameras={},
-        origin=options["origin"],
-        goal=options["goal"],
-        hazards=0 if options["hazards"] else None,
-        start=None if options["start"] is None else start_pose(options["start"]),
-        movers=movers if isinstance(movers, int) else 0,
-    )
-
-
 # --- the work ------------------------------------------------------------------------------------
 
 
@@ -327,7 +308,7 @@ def _carry_out(
     experiment: Experiment, trials: Sequence[Trial], output: Path | None, engine: Engine
 ) -> tuple[tuple[TrialResult, ...], bool]:
     """Make the missing runs; return all results, by number, and True if the user interrupted."""
-    from colony.cli.experiment.progress import progress
+    from colony.cli.progress import experiment_progress
     from colony.experiment.results import Results
     from colony.experiment.trial import TRIALS, TrialError, run_trial
 
@@ -338,7 +319,7 @@ def _carry_out(
         stored = results.keys()
         missing = [trial for trial in trials if trial.key not in stored]
         try:
-            with progress("runs", _is_bad, _short) as on_run:
+            with experiment_progress("runs", _is_bad, _short) as on_run:
                 before = len(trials) - len(missing)
                 for done, result in enumerate(engine.results(run_trial, missing), before + 1):
                     results.put(result)

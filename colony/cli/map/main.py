@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import click
 
 from colony.cli.exit_codes import EXIT_MISUSE
-from colony.cli.outputs import check_output, write_whole
+from colony.cli.outputs import MAP, check_output, write_whole
 from colony.cli.reporting import report
-from colony.cli.shipped_files import MAP
 from colony.extras import expect_extras
 
 if TYPE_CHECKING:
@@ -83,7 +82,7 @@ def _described(path: str) -> _Described:
     from colony.nav.maps.world_map import load_world, world_of
 
     if is_grid(path):
-        from colony.cli.map.grid import grid_summary, grid_text, start_in
+        from colony.cli.map.building import grid_summary, grid_text, start_in
 
         world = load_world(path)
         start = start_in(world)

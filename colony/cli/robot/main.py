@@ -2,12 +2,76 @@
 
 from __future__ import annotations
 
+import re
+from importlib.resources import files
+from pathlib import Path
+
 import click
 
+from colony.cli.outputs import cannot_write, write_whole
 from colony.cli.robot.check import check_command
-from colony.cli.robot.new import new_command
 from colony.cli.robot.show import show_command
 from colony.cli.robot.test import test_command
+from colony.files import reason
+from colony.shipped import Shipped
+
+# --- new -----------------------------------------------------------------------------------------------
+#
+# `colony robot new`: a description with its body, to begin with.
+
+
+TEMPLATES = files("colony.cli") / "templates" / "robot"
+FOLDER = Path("robots")
+SUFFIXES = (".colony", ".toml")
+
+
+@click.command("new", short_help="start a description")
+@click.argument("name", metavar="NAME")
+def new_command(name: str) -> None:
+    """Write robots/NAME/NAME.colony and NAME.toml: a small robot with a laser scanner and bumpers.
+
+    Both pass `colony robot check`, and say how to go on. Existing files are never overwritten.
+
+    Exit code: 0, or 2 if NAME is invalid or the name of a robot that comes with colony, or a file exists or
+    cannot be written.
+
+    \b
+    Example:
+      colony robot new scout
+      colony robot check scout
+    """
+    from colony.dsl.load import check_text
+
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{,63}", name):
+        message = f"expected a name of letters, digits and `_`, such as `scout`; found `{name[:100]}`"
+        raise click.UsageError(message, click.get_current_context())
+    if name in Shipped.ROBOT.names():
+        message = f"`{name}` comes with colony, and would no longer be found; choose another name"
+        raise click.UsageError(message, click.get_current_context())
+    texts = {suffix: _filled(suffix, name) for suffix in SUFFIXES}
+    if check_text(texts[".colony"]).program is None:
+        message = f"`{name}` is a word of the language; expected a name, such as `scout`"
+        raise click.UsageError(message, click.get_current_context())
+    folder = FOLDER / name
+    paths = {suffix: folder / f"{name}{suffix}" for suffix in SUFFIXES}
+    for path in (*paths.values(), FOLDER / f"{name}.colony"):
+        if path.exists() or path.is_symlink():
+            cannot_write(path, "it exists already")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        cannot_write(folder, reason(problem))
+    for suffix, path in paths.items():
+        write_whole(path, texts[suffix])
+    written = " and ".join(str(path) for path in paths.values())
+    click.echo(f"wrote {written}; try: colony robot check {name}")
+
+
+def _filled(suffix: str, name: str) -> str:
+    return (TEMPLATES / f"NAME{suffix}").read_text(encoding="utf-8").replace("NAME", name)
+
+
+# --- main ----------------------------------------------------------------------------------------------
 
 
 @click.group("robot", no_args_is_help=False, short_help="check, draw, start and test robots")

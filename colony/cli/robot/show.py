@@ -12,7 +12,7 @@ from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.frame_picture import check_picture
 from colony.cli.outputs import write_whole
 from colony.cli.reporting import report
-from colony.cli.robot.descriptions import describe
+from colony.cli.robot.check import describe
 
 if TYPE_CHECKING:
     from colony.body.model import Body, Chassis

@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED
-from colony.cli.outputs import check_output
+from colony.cli.outputs import BEHAVIOR, check_output, map_option
 from colony.cli.reporting import say
 from colony.cli.robot_choice import chosen_robot, robot_and_description_argument
 from colony.cli.robot_options import reporting_connection_errors
-from colony.cli.shipped_files import BEHAVIOR, map_option
+from colony.cli.run.options import OptionError, duration_ns, parsed, seed_option
 from colony.extras import expect_extras
 from colony.shipped import Shipped
 
 if TYPE_CHECKING:
+    from colony.cli.robot.acceptance.findings import AcceptanceFindings
+    from colony.cli.robot.acceptance.trial import AcceptanceRequest
+    from colony.cli.serve.processes import ServeSpec
     from colony.dsl.descriptions import RobotChoice
-    from colony.robots.acceptance.findings import AcceptanceFindings
-    from colony.robots.acceptance.trial import AcceptanceRequest
-    from colony.robots.serving import Settings
 
 RUN_DIRECTORY = "COLONY_RUN_DIR"
 """The variable of the environment that names the run directory."""
@@ -56,15 +56,15 @@ DRIVES = "the robot will drive and be stopped hard, again and again: give it roo
 @click.option("--port", metavar="PORT", help="Test real devices at this port, as for `colony serve`.")
 @click.option("--isolate", is_flag=True, help="Give each server a process of its own, as `colony serve all`.")
 @click.option(
-    "--duration", metavar="TIME", default="60", show_default=True, help="The length of the test, 90s or 2min."
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
+    "--duration",
+    "length_ns",
+    metavar="TIME",
+    default="60",
     show_default=True,
-    help="The seed of the faults, and of the sensors' noise.",
+    callback=parsed(duration_ns),
+    help="The length of the test, 90s or 2min.",
 )
+@seed_option
 @click.option(
     "--scenario",
     metavar="FILE",
@@ -100,8 +100,8 @@ def test_command(robot: str, format_: str, **options: Any) -> None:
       colony robot test t1=robots/tugger/tugger.colony --behavior tow.colony --map office
       colony robot test rome --format json
     """
-    from colony.cli.run.main import reporting_failures
-    from colony.robots.request import RunAbortedError
+    from colony.cli.run.running import reporting_failures
+    from colony.runs.spec import RunAbortedError
 
     with reporting_failures(), reporting_connection_errors():
         folder, is_kept = Path(mkdtemp(prefix="colony-test-", dir=_temporary())), False
@@ -138,48 +138,44 @@ def _request(
     folder: Path,
     *,
     file: str,
-    duration: str,
+    length_ns: int,
     scenario: str | None,
     output: str | None,
     seed: int,
-    **served: Any,
+    **options: Any,
 ) -> AcceptanceRequest:
     """Return the test that the options request; exit with 2, or with 1 for errors of the behavior."""
     from colony.cli.programs import compile_for_run
-    from colony.cli.run.options import OptionError, duration_ns
-    from colony.robots.acceptance.trial import AcceptanceRequest
+    from colony.cli.robot.acceptance.trial import AcceptanceRequest
 
-    seconds = duration_ns(duration) / 1e9
     if output is not None:
         if Path(output).suffix != ".mcap":
             raise OptionError(f"-o: found `{output}`; expected *.mcap, which has the program for the audit")
         check_output(output, [file])
     choice = chosen_robot()
     assert choice is not None
-    settings = _settings(robot, choice, folder / "state", seed=seed, **served)
+    served = _served(robot, choice, folder / "state", seed=seed, **options)
     described = robot if choice.is_name else f"{robot}={choice.text}"
     given = () if scenario is None else ("--scenario", scenario)
     compiled = compile_for_run(file)[0].compiled
     return AcceptanceRequest(
-        settings=settings,
-        arguments=(file, "--connect", "--robot", described, "--seed", str(seed), *given),
+        served=served,
+        arguments=(file, "--robot", described, "--seed", str(seed), *given),
         actuators=frozenset(actuator.name for actuator in compiled.robot.actuators),
         recording=output or str(folder / "run.mcap"),
         seed=seed,
-        seconds=seconds,
+        seconds=length_ns / 1e9,
         folder=folder,
     )
 
 
-def _settings(
+def _served(
     robot: str, choice: RobotChoice, state: Path, *, map_path: str | None, hardware: bool, **options: Any
-) -> Settings:
+) -> ServeSpec:
     """Return what is served; exit with 2 if the robot does not exist, or is not one for these options."""
-    from colony.cli.run.options import OptionError
-    from colony.cli.serve import ALL, described_to_serve, objection
+    from colony.cli.serve.main import ALL, objection, serve_spec
     from colony.dsl.descriptions import find_in_project, suggestion
-    from colony.robots.discovery import running_robots
-    from colony.robots.serving import Settings
+    from colony.runtime.kit.discovery import running_robots
 
     hardware = hardware or options["port"] is not None
     if find_in_project(choice.text, Path()) is None:
@@ -188,36 +184,28 @@ def _settings(
         raise OptionError(f"--hardware: `{robot}` is served already: end {', '.join(running)} first")
     if not hardware or map_path is not None:
         expect_extras("sim")
-    described, interface, limits = described_to_serve()
-    settings = Settings(
-        described=described,
-        map_path=map_path or (None if hardware else Shipped.MAP.find(MAP)),
-        state=state,
-        interface=interface,
-        limits=limits,
-        hardware=hardware,
-        **options,
-    )
-    if (reason := objection(ALL, settings)) is not None:
+    world = map_path or (None if hardware else Shipped.MAP.find(MAP))
+    spec = serve_spec({**options, "map_path": world, "hardware": hardware, "state": state})
+    if (reason := objection(ALL, spec)) is not None:
         raise OptionError(reason)
     if hardware:
         say(f"{robot}: {DRIVES}")
-    return settings
+    return spec
 
 
 def _tested(robot: str, request: AcceptanceRequest) -> AcceptanceFindings:
     """Execute the test and audit its recording; return what was found, also after an interruption."""
     from colony.cli.audit import audited
     from colony.cli.interruption import interruptible
-    from colony.cli.run.progress import Progress
-    from colony.robots.acceptance.findings import AcceptanceFindings
-    from colony.robots.acceptance.trial import InterruptedTestError, RobotTrial
+    from colony.cli.progress import RunProgress
+    from colony.cli.robot.acceptance.findings import AcceptanceFindings
+    from colony.cli.robot.acceptance.trial import InterruptedTestError, RobotTrial
     from colony.runtime.transport.live.robot_address import local
     from colony.sim.compiling import COMPILING
     from colony.text.diagnostics import DiagnosticError
 
     findings = AcceptanceFindings(robot=robot, actuators=len(request.actuators))
-    progress = Progress(round(request.seconds * 1e9))
+    progress = RunProgress(round(request.seconds * 1e9))
 
     def show(seconds: float, doing: str) -> None:
         progress.show(round(min(seconds, request.seconds) * 1e9), lambda: doing)

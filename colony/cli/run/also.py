@@ -14,7 +14,7 @@ from colony.cli.run.options import OptionError, scenario_of, start_pose
 from colony.shipped import Shipped
 
 if TYPE_CHECKING:
-    from colony.robots.request import OtherRobot
+    from colony.runs.spec import OtherRobot
 
 ALSO_FORM = "[NAME=]DESCRIPTION:BEHAVIOR[@X,Y,HEADING][,scenario=FILE]"
 
@@ -53,7 +53,7 @@ def _other_robot(text: str, taken: set[str]) -> OtherRobot:
     from colony.cli.reporting import exit_with, say
     from colony.dsl.descriptions import RobotChoice
     from colony.dsl.load import check_file
-    from colony.robots.request import OtherRobot
+    from colony.runs.spec import OtherRobot
 
     robot, comma, scenario = text.partition(",scenario=")
     named, at, pose = robot.partition("@")
@@ -85,7 +85,7 @@ def _other_robot(text: str, taken: set[str]) -> OtherRobot:
 
 
 def _free_name(name: str, taken: set[str], *, is_given: bool) -> str:
-    from colony.runtime.transport.live.names import check_name
+    from colony.runtime.transport.live.run_directory import check_name
 
     if is_given:
         try:

@@ -1,123 +1,102 @@
-"""`colony run`: compile a program and run it.
-
-The robot is simulated, in one process and virtual time or in several processes, or is already running.
-"""
+"""`colony run`: compile a program and run it on a simulated robot, in one process or in several."""
 
 from __future__ import annotations
 
-import json
+import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Mapping
+from contextlib import redirect_stdout
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from colony.cli.exit_codes import EXIT_ERRORS, EXIT_INTERRUPTED, EXIT_MISUSE
-from colony.cli.params_choice import params_option
-from colony.cli.reporting import refuse, report, say
-from colony.cli.robot_choice import robot_and_description_option, say_whose_name
-from colony.cli.robot_options import (
-    connect_option,
-    reporting_connection_errors,
-    robot_address_of,
-    security_option,
-)
+from colony.cli.outputs import map_option
+from colony.cli.reporting import say
+from colony.cli.robot_choice import say_whose_name
+from colony.cli.robot_options import reporting_connection_errors
 from colony.cli.run.also import also_option, other_robots
-from colony.cli.run.interface import user_interface
-from colony.cli.run.options import DURATION, OptionError, Options, objection, request_of
-from colony.cli.shipped_files import BEHAVIOR, map_option, movers_option, start_option
+from colony.cli.run.options import (
+    DURATION,
+    OptionError,
+    behavior_argument,
+    camera_option,
+    duration_ns,
+    duration_option,
+    expect_both_ends,
+    format_option,
+    goal_option,
+    movers_option,
+    origin_option,
+    record_option,
+    robot_option,
+    run_spec,
+    scenario_option,
+    seed_option,
+    settings_option,
+    site_option,
+    start_option,
+    unproved_option,
+    watch_option,
+)
 from colony.extras import expect_extras
-from colony.robots.request import MisuseError, RunAbortedError
 
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
-    from colony.robots.described import DescribedRobot
-    from colony.robots.request import RunReport, RunRequest, UserInterface
+    from colony.runs.described import DescribedRobot
+    from colony.runs.spec import RunReport, RunSpec, UserInterface
 
 PICTURE = "run.png"
 
+_MOVED = {"--connect": "colony drive", "--security": "colony drive", "--shadow": "colony shadow"}
+"""Options that other commands have, with these commands."""
 
-@click.command(name="run", short_help="drive a robot, simulated or real")
-@click.argument("file", metavar="FILE", type=BEHAVIOR)
+
+class _RunCommand(click.Command):
+    """The command, which knows the options of its neighbors."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the arguments; name the command that has an option which this one lacks."""
+        try:
+            return super().parse_args(ctx, args)
+        except click.NoSuchOption as problem:
+            if problem.option_name not in _MOVED:
+                raise
+            command = _MOVED[problem.option_name]
+            raise OptionError(f"{problem.option_name} is an option of `{command}`", ctx) from None
+
+
+@click.command(name="run", cls=_RunCommand, short_help="run a behavior on a simulated robot")
+@behavior_argument
 @map_option
 @click.option(
     "--processes", is_flag=True, help="Run servers, clients and simulator as processes, in real time."
 )
-@connect_option("Use a robot that is already running: on this machine, or behind a gateway, tls/HOST:PORT.")
 @click.option(
-    "--shadow",
-    is_flag=True,
-    help="Join a robot that is already running, as --connect does, and command nothing: show and record what "
-    "would have been sent.",
+    "--isolate", is_flag=True, help="Like --processes, with a process for each server, and for the clients."
 )
-@security_option()
-@robot_and_description_option(
-    "The name of the robot, if it differs from that in the program, and the description that `import robot` "
-    "brings in: by default the one called NAME, else that of the project's colony.toml."
-)
+@robot_option
 @click.option(
     "--physics",
     type=click.Choice(["kinematic", "mujoco"]),
-    help="What moves the robot: our simulator, in the plane, or MuJoCo, where wheels drive by friction, for "
-    "robots without sonars and cameras. [default: kinematic]",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(min=0),
-    default=0,
+    default="kinematic",
     show_default=True,
-    help="The seed of all random numbers, such as the sensors' noise.",
+    help="What moves the robot: our simulator, in the plane, or MuJoCo, where wheels drive by friction, for "
+    "robots without sonars and cameras.",
 )
-@click.option(
-    "--duration",
-    metavar="TIME",
-    help=f"The length of the run: {DURATION} (in seconds), 90s or 2min. [default: {DURATION} with --map]",
-)
+@seed_option
+@duration_option(f"{DURATION}, with --to until the robot has arrived")
 @click.option("--realtime", is_flag=True, help="Run in real time, not as fast as possible.")
-@click.option(
-    "--record",
-    metavar="PATH",
-    help="Record every frame into this file: *.mcap as MCAP, others as JSON lines.",
-)
+@record_option
 @click.option(
     "--picture", metavar="PATH", help=f"Draw the path of the robot, as PNG or SVG. [default: {PICTURE}]"
 )
 @click.option("--no-picture", is_flag=True, help="Do not draw a picture.")
-@click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="NAME=VALUE",
-    help="Hold what the program reads at this value: a variable of DServer, as if an operator kept setting "
-    "it, or a field of a device, such as a button. A number without a unit is in that of the sensor; one "
-    "value fills an array. May be repeated.",
-)
-@click.option(
-    "--scenario",
-    metavar="FILE",
-    type=click.Path(dir_okay=False),
-    help="Change such values over time, from the beginning of the run: a file with lines such as `at 12 s "
-    "estop = true`.",
-)
-@click.option(
-    "--camera",
-    "cameras",
-    multiple=True,
-    metavar="[NAME=]DEGREES|up",
-    help="With --processes: add a camera facing this direction, in degrees counterclockwise from straight "
-    "ahead, or facing up. May be repeated.",
-)
-@click.option(
-    "--from",
-    "origin",
-    metavar="ROOM",
-    help="With --to: the room where the robot starts, by its name on the map.",
-)
-@click.option(
-    "--to", "goal", metavar="ROOM", help="With --from: the goal; the run ends when the robot has arrived."
-)
+@settings_option
+@scenario_option
+@camera_option("With --processes: ")
+@origin_option
+@goal_option
 @click.option(
     "--hazards",
     type=click.IntRange(min=0),
@@ -127,50 +106,29 @@ PICTURE = "run.png"
 @start_option
 @movers_option
 @also_option
-@params_option("A contract that is proved without them must be proved with them, too.")
-@click.option(
-    "--unproved",
-    is_flag=True,
-    help="With --params: run even if contracts are not proved with these values; the recording says so.",
-)
+@site_option
+@unproved_option
 @click.option("--fsync", is_flag=True, help="With --processes: make DServer's data survive a power failure.")
-@click.option(
-    "--isolate",
-    is_flag=True,
-    help="With --processes or --connect: run each server, and the clients, in processes of their own.",
-)
-@click.option(
-    "--watch",
-    is_flag=True,
-    help="Show the run in the browser as long as it lasts, in real time; see `colony watch`.",
-)
-@click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
-def command(**arguments: Any) -> None:
-    """Run a behavior on a robot that is simulated in the world of a map, or on a real one.
+@watch_option
+@format_option
+def command(**options: Any) -> None:
+    """Run a behavior on a robot that is simulated in the world of a map.
 
     FILE is a behavior, the name of one that comes with colony, or a compiled program (`colony compile -o
-    NAME.colonyc`).
+    NAME.colonyc`). A robot that is served, real or simulated, is driven by `colony drive`.
 
-    With --map alone, everything runs in one process and in virtual time: the same seed gives the same run.
-    With --processes the run is live, as on a real robot, and other programs can connect (`colony ps`, `colony
+    By default everything runs in one process and in virtual time: the same seed gives the same run. With
+    --processes the run is live, as on a real robot, and other programs can connect (`colony ps`, `colony
     stop`). Servers and clients share this process; the simulator, cameras, drivers and modules in Python have
-    their own, and are restarted if they die. With --connect only the clients run here, for a robot that
-    `colony serve` serves; without --duration they run until Ctrl-C.
-
-    With --shadow the program runs in the shadow of a robot that is already running, also beside a driver: it
-    reads what the robot measures, sends nothing, and prints what it would have sent each second and whenever
-    another client wins. A recording is marked as that of a shadow. It is the first thing to do with a new
-    behavior on a real robot (docs/your-robot.md).
+    their own, and are restarted if they die.
 
     With --physics mujoco, MuJoCo moves a robot without sonars and cameras, such as amr: how closely it agrees
     with our simulator is in docs/physics.md.
 
     With --from and --to a planner and its helpers lead the robot from room to room, for a behavior that takes
     goals, such as navigator.colony. The run ends when the robot has arrived; the exit code is 1 if it has
-    not. A room on another floor that elevators lead to is written `2:250R` or `msu_engineering_2:250R`. An
-    operator who presses the elevator buttons is simulated; with --connect you are asked at the terminal to
-    press them. With --connect the robot must stand before the room --from, on the map --map
-    (docs/missions.md).
+    not. A room on another floor that elevators lead to is written `2:250R` or `msu_engineering_2:250R`; an
+    operator who presses the elevator buttons is simulated (docs/missions.md).
 
     With --movers people walk around in the world, and with --also there are other robots in it, each with a
     behavior of its own. The picture has the paths of all robots (docs/simulation.md).
@@ -195,126 +153,107 @@ def command(**arguments: Any) -> None:
       colony run wander --map loop --robot amr --movers 5 --also rome:wander --also rome:wander
       colony run navigator --map msu_engineering_3 --from 350R --to 376L
       colony run navigator --map msu_engineering_3 --from 350R --to 2:250R
-      colony run navigator --connect --map loop --from 201 --to 216
       colony run teleop --map loop --realtime --set TeleopVelocity=200
       colony run warehouse --map loop --scenario stops.scenario
       colony run wander --map loop --processes --duration 30
       colony run wander --map loop --watch
       colony run wander --robot amr --map loop --physics mujoco
       colony run wander --map loop --params site.toml
-      colony run wander --connect --robot rome
-      colony run wander --shadow --robot rome --record shadow.mcap
-      colony run wander --connect tls/rome.lab:7447 --security ada.toml
     """
-    options = Options(**arguments)
-    reason = objection(options)
-    if reason is not None:
-        raise click.UsageError(reason, click.get_current_context())
-    from colony.cli.run.site import load_for_run
+    options["processes"] |= options["isolate"]
+    _expect_combination(options)
+    if options["length_ns"] is None and options["goal"] is None:
+        options["length_ns"] = duration_ns(DURATION)
+    options["realtime"] |= options["watch"]
+    from colony.cli.run.interface import user_interface
+    from colony.cli.run.running import (
+        check_outputs,
+        draw,
+        load_for_run,
+        named,
+        print_summary,
+        reporting_failures,
+    )
 
-    if options.map_path is not None:
-        vision = ["vision"] if options.goal is not None else []
-        expect_extras("sim", *(["mujoco"] if options.physics == "mujoco" else []), *vision)
-    if options.watch:
+    vision = ["vision"] if options["goal"] is not None else []
+    expect_extras("sim", *(["mujoco"] if options["physics"] == "mujoco" else []), *vision)
+    if options["watch"]:
         expect_extras("watch")
-    compiled, described = load_for_run(options.file, unproved=options.unproved)
-    is_running = options.shadow or options.connect is not None
-    if not is_running:
-        say_whose_name(compiled.robot.name)
-    picture = None if options.no_picture or is_running else options.picture or PICTURE
+    compiled, described = load_for_run(options["file"], unproved=options["unproved"])
+    say_whose_name(compiled.robot.name)
+    picture = None if options["no_picture"] else options["picture"] or PICTURE
     with reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
-        from colony.cli.run.outputs import check_outputs, draw
-        from colony.robots.physics_choice import expect_simulable
+        from colony.runs.spec import expect_simulable
 
-        request = request_of(compiled.robot, options)
-        expect_simulable(request.physics, described.body, request.file)
-        request = replace(
-            request,
-            others=other_robots(options.also, options.robot or compiled.name),
-            realtime=request.realtime or options.watch,
-        )
-        inputs = [options.file]
-        if options.map_path is not None:
-            from colony.nav.maps.world_map import load_world
-
-            inputs += load_world(options.map_path).files  # before the simulator is imported, which takes long
-        check_outputs(options.record, picture, inputs)
-        with user_interface(compiled, options) as ui:
-            result = _drive(compiled, described, request, options, ui)
-        if options.robot is not None:
-            result = result._replace(summary=replace(result.summary, robot=options.robot))
+        spec = run_spec(compiled.robot, options)
+        expect_simulable(spec.physics, described.body, spec.file)
+        spec = replace(spec, others=other_robots(options["also"], spec.robot or compiled.name))
+        check_outputs(spec, picture)
+        with user_interface(compiled, spec, watch=options["watch"]) as ui:
+            run = _run_in_processes if options["processes"] else _run_in_virtual_time
+            result = named(run(compiled, described, spec, ui), spec)
         if picture is not None:
             result = draw(result, compiled.name, picture)
-    _print_summary(result, options.record, picture, options.format_)
+    print_summary(result, spec.record, picture, options["format_"])
 
 
-def _drive(
-    compiled: Compiled, described: DescribedRobot, request: RunRequest, options: Options, ui: UserInterface
+_FLAGS = {"cameras": "--camera", "goal": "--to", "mujoco": "--physics mujoco"}
+"""Options whose fields have other names, with their spelling."""
+
+_REQUIRED = (("cameras", "processes"), ("fsync", "processes"), ("hazards", "goal"))
+"""Options, each with another that it requires."""
+
+_EXCLUDED: tuple[tuple[str, tuple[str, ...], str], ...] = (
+    ("goal", ("start",), "a route begins at the room --from"),
+    ("goal", ("movers", "also"), "--hazards has people in the corridors"),
+    ("processes", ("also",), "other robots run in virtual time"),
+    ("mujoco", ("goal",), "MuJoCo simulates no sonars, cameras and elevators"),
+    ("mujoco", ("processes", "movers", "also"), "MuJoCo simulates one robot, in virtual time"),
+)
+"""Options with those that each excludes, and the reason."""
+
+
+def _expect_combination(options: Mapping[str, Any]) -> None:
+    """Refuse options that exclude or require each other.
+
+    Raises:
+        OptionError: there are such options.
+    """
+    if options["map_path"] is None:
+        raise OptionError("no robot: give --map MAP to simulate one, or `colony drive` one that is served")
+    expect_both_ends(options)
+    given = {name for name, value in options.items() if value}
+    given |= {"hazards"} if options["hazards"] is not None else set()
+    given |= {"mujoco"} if options["physics"] == "mujoco" else set()
+    for option, other in _REQUIRED:
+        if option in given and other not in given:
+            raise OptionError(f"{_flag(option)} requires {_flag(other)}")
+    for option, others, reason in _EXCLUDED:
+        for other in others:
+            if {option, other} <= given:
+                raise OptionError(f"{_flag(option)} excludes {_flag(other)}: {reason}")
+
+
+def _flag(option: str) -> str:
+    return _FLAGS.get(option, f"--{option}")
+
+
+def _run_in_virtual_time(
+    compiled: Compiled, described: DescribedRobot, spec: RunSpec, ui: UserInterface
 ) -> RunReport:
-    if not (options.processes or options.shadow) and options.connect is None:
-        from colony.sim.compiling import announcing_compilation
+    from colony.sim.compiling import announcing_compilation
 
-        with announcing_compilation(say):
-            from colony.robots.building_run import run_in_building
-        return run_in_building(compiled, described, request, ui)
+    with announcing_compilation(say):
+        from colony.runs.building_run import run_in_building
+    return run_in_building(compiled, described, spec, ui)
+
+
+def _run_in_processes(
+    compiled: Compiled, described: DescribedRobot, spec: RunSpec, ui: UserInterface
+) -> RunReport:
+    from colony.cli.run.led_run import run_simulated
+    from colony.runtime.transport.live.robot_address import local
+
     with reporting_connection_errors():
-        name = compiled.name if options.robot is None else options.robot
-        robot_address = robot_address_of(name, options.connect, options.security)
-        if options.shadow:
-            from colony.robots.shadow_run import run_shadow
-
-            return run_shadow(compiled, described, robot_address, request, ui)
-        from colony.robots.process_run import run_served, run_simulated
-        from colony.runtime.transport.live.robot_address import Local
-
-        if options.connect is None and isinstance(robot_address, Local):
-            return run_simulated(compiled, described, robot_address, request, ui)
-        return run_served(compiled, described, robot_address, request, ui)
-
-
-@contextmanager
-def reporting_failures() -> Iterator[None]:
-    """Report an error that prevents or ends a run, and exit with its code."""
-    from colony.text.diagnostics import DiagnosticError
-
-    try:
-        yield
-    except OptionError as bad:
-        raise click.UsageError(str(bad), click.get_current_context()) from None
-    except MisuseError as misuse:
-        say(str(misuse))
-        raise click.exceptions.Exit(EXIT_MISUSE) from None
-    except RunAbortedError as problem:
-        say(f"colony: error: {problem}")
-        raise click.exceptions.Exit(EXIT_ERRORS) from None
-    except DiagnosticError as failure:
-        if failure.diagnostics[0].code.startswith("M"):
-            refuse(failure.diagnostics)
-        report(failure.diagnostics)
-        raise click.exceptions.Exit(EXIT_ERRORS) from None
-
-
-def _print_summary(result: RunReport, record: str | None, picture: str | None, format_: str) -> None:
-    summary, mission_result = result.summary, result.mission_result
-    if format_ == "json":
-        outputs: dict[str, object] = {"recording": record, "picture": picture}
-        if mission_result is not None:
-            outputs["arrival"] = mission_result._asdict()
-        click.echo(json.dumps(summary.as_json() | outputs, indent=2))
-    else:
-        from colony.runtime.observe.summary import render
-
-        click.echo(render(summary))
-        for path in (record, picture, *(() if mission_result is None else mission_result.pictures)):
-            if path is not None and path not in summary.unwritten:
-                click.echo(f"  wrote {path}")
-        if mission_result is not None:
-            click.echo(f"  {mission_result.text}")
-    if mission_result is not None and not mission_result.arrived and not summary.interrupted:
-        raise click.exceptions.Exit(EXIT_ERRORS)
-    if not summary.succeeded:
-        raise click.exceptions.Exit(EXIT_ERRORS)
-    if summary.interrupted:
-        raise click.exceptions.Exit(EXIT_INTERRUPTED)
-    if summary.unwritten:
-        raise click.exceptions.Exit(EXIT_MISUSE)
+        robot_address = local(compiled.name if spec.robot is None else spec.robot, os.environ)
+        return run_simulated(compiled, described, robot_address, spec, ui)

@@ -1,99 +1,76 @@
-"""The values of the options of `colony run`: durations, cameras, and DServer's variables."""
+"""The options of commands that run behaviors, and the specifications that they make."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from colony.cli.robot_options import HERE
+import click
+
+from colony.cli.outputs import BEHAVIOR
+from colony.cli.params_choice import params_option
+from colony.cli.robot_choice import robot_and_description_option
 from colony.ir.program import Robot
 from colony.ir.servers import DSERVER
 from colony.ir.types import Value
-from colony.robots.given_values import GivenValueError, UnknownSensorError, parse_number
-from colony.robots.request import MisuseError, PhysicsName, RunRequest
-from colony.robots.scenario import Change, Scenario, ScenarioError, read_scenario, setting
+from colony.runs.scenario import (
+    GivenValueError,
+    ReadingChange,
+    Scenario,
+    ScenarioError,
+    UnknownSensorError,
+    parse_number,
+    read_scenario,
+    setting,
+)
+from colony.runs.spec import MisuseError, RunSpec
 from colony.text.units import ANGLE, LENGTH, TIME, nanoseconds
 
 if TYPE_CHECKING:
-    from colony.sim.plant.child import ViewDirection
+    from colony.sim.world_spec import ViewDirection, WorldSpec
+
+F = TypeVar("F", bound=Callable[..., object])
+T = TypeVar("T")
 
 DURATION = "60"
-"""Default length in seconds of a run in a building."""
+"""Default length in seconds of a simulated run without a goal."""
 
 
-class OptionError(ValueError):
+class OptionError(click.UsageError):
     """An option's value is invalid; the message has what was found and what was expected."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
-    """The command line of `colony run`, as given."""
-
-    file: str
-    map_path: str | None
-    processes: bool
-    connect: str | None
-    shadow: bool
-    security: Path | None
-    robot: str | None
-    physics: PhysicsName | None
-    seed: int
-    duration: str | None
-    realtime: bool
-    record: str | None
-    picture: str | None
-    no_picture: bool
-    settings: tuple[str, ...]
-    scenario: str | None
-    cameras: tuple[str, ...]
-    origin: str | None
-    goal: str | None
-    hazards: int | None
-    start: str | None
-    movers: int
-    also: tuple[str, ...]
-    fsync: bool
-    isolate: bool
-    unproved: bool
-    watch: bool
-    format_: Literal["text", "json"]
+# --- specifications ------------------------------------------------------------------------------
 
 
-def request_of(robot: Robot, options: Options) -> RunRequest:
-    """Return the run that the options request.
+def run_spec(robot: Robot, options: Mapping[str, Any]) -> RunSpec:
+    """Return the run that options request.
+
+    An option whose name is that of a field of `RunSpec` or `WorldSpec` becomes this field.
 
     Raises:
         OptionError: an option's value is invalid.
         MisuseError: the scenario cannot be read.
     """
-    pinned, given = held(robot, options.settings)
-    is_open_ended = options.shadow or options.connect is not None or options.goal is not None
-    duration = options.duration or (None if is_open_ended else DURATION)
-    return RunRequest(
-        file=options.file,
-        robot=options.robot,
-        map_path=options.map_path,
-        seed=options.seed,
-        length_ns=None if duration is None else duration_ns(duration),
-        pinned_variables=pinned,
-        scenario=scenario_of(robot, options.scenario, given),
-        physics=options.physics or "kinematic",
-        realtime=options.realtime,
-        record=options.record,
-        cameras=cameras(options.cameras),
-        fsync=options.fsync,
-        isolate=options.isolate,
-        origin=options.origin,
-        goal=options.goal,
-        hazards=options.hazards,
-        start=None if options.start is None else start_pose(options.start),
-        movers=options.movers,
-    )
+    pinned, given = held(robot, options.get("settings", ()))
+    own = {field.name: options[field.name] for field in fields(RunSpec) if field.name in options}
+    own |= {
+        "world": world_spec(options),
+        "pinned_variables": pinned,
+        "scenario": scenario_of(robot, options.get("scenario"), given),
+    }
+    return RunSpec(**own)
 
 
-def scenario_of(robot: Robot, path: str | None, given: Iterable[Change] = ()) -> Scenario:
+def world_spec(options: Mapping[str, Any]) -> WorldSpec:
+    """Return the world that options request; an option whose name is that of a field becomes this field."""
+    from colony.sim.world_spec import WorldSpec
+
+    return WorldSpec(**{name: options[name] for name in WorldSpec.__struct_fields__ if name in options})
+
+
+def scenario_of(robot: Robot, path: str | None, given: Iterable[ReadingChange] = ()) -> Scenario:
     """Return the scenario in a file, if there is one, after other changes.
 
     Raises:
@@ -106,14 +83,14 @@ def scenario_of(robot: Robot, path: str | None, given: Iterable[Change] = ()) ->
     return Scenario((*given, *changes))
 
 
-def held(robot: Robot, settings: tuple[str, ...]) -> tuple[dict[str, Value], list[Change]]:
+def held(robot: Robot, settings: tuple[str, ...]) -> tuple[dict[str, Value], list[ReadingChange]]:
     """Return what the texts of `--set` hold: DServer's variables, in declared units, and other fields.
 
     Raises:
         OptionError: a text is not of the form `NAME=VALUE`, or the program reads no such value.
     """
     variables: dict[str, Value] = {}
-    others: list[Change] = []
+    others: list[ReadingChange] = []
     for text in settings:
         try:
             change = setting(robot, text)
@@ -128,92 +105,7 @@ def held(robot: Robot, settings: tuple[str, ...]) -> tuple[dict[str, Value], lis
     return variables, others
 
 
-def objection(options: Options) -> str | None:
-    """Return the reason why the options cannot be combined; None if they can."""
-    if options.shadow:
-        return _objection_to_shadow(options)
-    connected, mapped = options.connect is not None, options.map_path is not None
-    has_goal = options.goal is not None
-    if not connected and not mapped:
-        return "no robot: give --map MAP to simulate one or --connect to join a running one"
-    if connected and options.processes:
-        return "--connect and --processes exclude each other: the robot is already running"
-    if connected and mapped and not has_goal:
-        return "--connect takes --map only with --from and --to: the robot is already running"
-    if connected and not mapped and has_goal:
-        return "--to requires --map MAP, the building to drive through"
-    if not connected and options.security is not None:
-        return "--security requires --connect"
-    if options.realtime and connected:
-        return "--realtime is for a simulated run: a running robot always runs in real time"
-    if options.isolate and not (options.processes or connected):
-        return "--isolate requires --processes or --connect"
-    if not options.processes and (options.cameras or options.fsync):
-        return f"{'--camera' if options.cameras else '--fsync'} requires --processes"
-    if (options.origin is None) != (options.goal is None):
-        return f"found {'--to' if options.origin is None else '--from'} alone; expected --from ROOM --to ROOM"
-    if options.start is not None and (connected or has_goal):
-        return "--start is for a simulated robot without --from and --to, which begins a route elsewhere"
-    if not has_goal and options.hazards is not None:
-        return "--hazards requires --from and --to"
-    if connected and options.hazards is not None:
-        return "--hazards cannot be combined with --connect: give it to `colony serve`"
-    return _objection_to_physics(options) or _objection_to_company(options)
-
-
-_RUNNING = "the robot is already running, and --shadow reads it as it is"
-_COMMANDS = "--shadow sets and commands nothing"
-_IN_SHADOW: tuple[tuple[str, str], ...] = (
-    ("map_path", f"--map: {_RUNNING}"),
-    ("processes", f"--processes: {_RUNNING}"),
-    ("realtime", f"--realtime: {_RUNNING}"),
-    ("watch", "--watch: `colony watch --robot NAME` shows a robot that is running"),
-    ("physics", f"--physics: {_RUNNING}"),
-    ("cameras", f"--camera: {_RUNNING}"),
-    ("fsync", f"--fsync: {_RUNNING}"),
-    ("hazards", f"--hazards: {_RUNNING}"),
-    ("start", f"--start: {_RUNNING}"),
-    ("movers", f"--movers: {_RUNNING}"),
-    ("also", f"--also: {_RUNNING}"),
-    ("settings", f"--set: {_COMMANDS}; `colony data set` sets a variable of the robot"),
-    ("scenario", f"--scenario: {_COMMANDS}; `colony data set` sets a variable of the robot"),
-    ("origin", f"--from: {_COMMANDS}, and a planner would"),
-    ("goal", f"--to: {_COMMANDS}, and a planner would"),
-    ("isolate", "--isolate: the clients of --shadow are in this process, where they can disturb nobody"),
-    ("picture", "--picture: the path is not that of this program; draw frames with `colony trace --picture`"),
-)
-"""Fields of `Options` that do not go with `--shadow`, and why not."""
-
-
-def _objection_to_shadow(options: Options) -> str | None:
-    for name, reason in _IN_SHADOW:
-        if getattr(options, name) not in (None, False, (), 0) or (name == "hazards" and options.hazards == 0):
-            return f"--shadow cannot be combined with {reason}"
-    if options.connect in (None, HERE) and options.security is not None:
-        return "--security requires --connect tls/HOST:PORT"
-    return None
-
-
-def _objection_to_physics(options: Options) -> str | None:
-    if options.physics is not None and (options.connect is not None or options.processes):
-        return "--physics requires --map without --processes or --connect: it is for runs in virtual time"
-    if options.physics == "mujoco" and options.goal is not None:
-        return "--physics mujoco excludes --to: MuJoCo simulates no sonars, cameras and elevators"
-    if options.physics == "mujoco" and (options.movers or options.also):
-        return "--physics mujoco excludes --movers and --also: MuJoCo simulates one robot"
-    return None
-
-
-def _objection_to_company(options: Options) -> str | None:
-    """Return the reason why people and other robots cannot be in the run; None if they can."""
-    for option, is_given in (("--movers", options.movers > 0), ("--also", bool(options.also))):
-        if is_given and options.connect is not None:
-            return f"{option} cannot be combined with --connect: the robot is already running"
-        if is_given and options.goal is not None:
-            return f"{option} cannot be combined with --from and --to; --hazards has people in the corridors"
-    if options.also and options.processes:
-        return "--also cannot be combined with --processes: other robots run in virtual time"
-    return None
+# --- values --------------------------------------------------------------------------------------
 
 
 def duration_ns(text: str, *, option: str = "--duration") -> int:
@@ -287,3 +179,144 @@ def _view_direction(text: str) -> ViewDirection | None:
         return "up"
     yaw = parse_number(text, ANGLE, 1.0)
     return yaw if yaw is not None and abs(yaw) <= 360.0 else None
+
+
+# --- options -------------------------------------------------------------------------------------
+
+
+def parsed(parse: Callable[[Any], T]) -> Callable[[click.Context, click.Parameter, Any], T | None]:
+    """Return a callback for an option whose value is parsed if it is given."""
+    return lambda context, option, value: None if value is None else parse(value)
+
+
+behavior_argument = click.argument("file", metavar="FILE", type=BEHAVIOR)
+"""The argument FILE, a behavior."""
+
+robot_option = robot_and_description_option(
+    "The name of the robot, if it differs from that in the program, and the description that `import robot` "
+    "brings in: by default the one called NAME, else that of the project's colony.toml."
+)
+"""`--robot NAME[=DESCRIPTION]`."""
+
+site_option = params_option("A contract that is proved without them must be proved with them, too.")
+"""`--params SITE.toml`."""
+
+start_option = click.option(
+    "--start",
+    metavar="X,Y,HEADING",
+    callback=parsed(start_pose),
+    help="Where the simulated robot starts: in mm and degrees counterclockwise from north, or with units. "
+    "[default: the start of the map; in a grid 0,0,270, or the nearest place with room]",
+)
+"""`--start X,Y,HEADING`."""
+
+MAX_MOVERS = 1_000
+
+movers_option = click.option(
+    "--movers",
+    type=click.IntRange(0, MAX_MOVERS),
+    metavar="N",
+    default=0,
+    help="Simulate N people who walk around between free places that the seed gives.",
+)
+"""`--movers N`."""
+
+seed_option = click.option(
+    "--seed",
+    type=click.IntRange(min=0),
+    default=0,
+    show_default=True,
+    help="The seed of all random numbers, such as the sensors' noise.",
+)
+"""`--seed N`."""
+
+record_option = click.option(
+    "--record",
+    metavar="PATH",
+    help="Record every frame into this file: *.mcap as MCAP, others as JSON lines.",
+)
+"""`--record PATH`."""
+
+settings_option = click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Hold what the program reads at this value: a variable of DServer, as if an operator kept setting "
+    "it, or a field of a device, such as a button. A number without a unit is in that of the sensor; one "
+    "value fills an array. May be repeated.",
+)
+"""`--set NAME=VALUE`, as `settings`."""
+
+scenario_option = click.option(
+    "--scenario",
+    metavar="FILE",
+    type=click.Path(dir_okay=False),
+    help="Change such values over time, from the beginning of the run: a file with lines such as `at 12 s "
+    "estop = true`.",
+)
+"""`--scenario FILE`."""
+
+origin_option = click.option(
+    "--from",
+    "origin",
+    metavar="ROOM",
+    help="With --to: the room where the robot starts, by its name on the map.",
+)
+"""`--from ROOM`, as `origin`."""
+
+goal_option = click.option(
+    "--to", "goal", metavar="ROOM", help="With --from: the goal; the run ends when the robot has arrived."
+)
+"""`--to ROOM`, as `goal`."""
+
+unproved_option = click.option(
+    "--unproved",
+    is_flag=True,
+    help="With --params: run even if contracts are not proved with these values; the recording says so.",
+)
+"""`--unproved`."""
+
+watch_option = click.option(
+    "--watch",
+    is_flag=True,
+    help="Show the run in the browser as long as it lasts, in real time; see `colony watch`.",
+)
+"""`--watch`."""
+
+format_option = click.option(
+    "--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True
+)
+"""`--format text|json`, as `format_`."""
+
+
+def duration_option(default: str) -> Callable[[F], F]:
+    """Return the option `--duration TIME`, as `length_ns`; `default` describes what holds without it."""
+    return click.option(
+        "--duration",
+        "length_ns",
+        metavar="TIME",
+        callback=parsed(duration_ns),
+        help=f"The length of the run: {DURATION} (in seconds), 90s or 2min. [default: {default}]",
+    )
+
+
+def camera_option(where: str = "") -> Callable[[F], F]:
+    """Return the option `--camera [NAME=]DEGREES|up`, as `cameras`; its help begins with `where`."""
+    add = "add" if where else "Add"
+    return click.option(
+        "--camera",
+        "cameras",
+        multiple=True,
+        metavar="[NAME=]DEGREES|up",
+        callback=parsed(cameras),
+        help=f"{where}{add} a camera facing this direction, in degrees counterclockwise from straight ahead, "
+        "or facing up. May be repeated.",
+    )
+
+
+def expect_both_ends(options: Mapping[str, Any]) -> None:
+    """Raise OptionError if `--from` or `--to` is given alone."""
+    if (options["origin"] is None) != (options["goal"] is None):
+        found = "--to" if options["origin"] is None else "--from"
+        raise OptionError(f"found {found} alone; expected --from ROOM --to ROOM")

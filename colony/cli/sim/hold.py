@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Iterable
 from contextlib import closing
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -13,10 +14,11 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.reporting import say
 from colony.cli.robot_options import reporting_connection_errors, robot_option
+from colony.cli.run.options import OptionError, duration_ns, parsed
 
 if TYPE_CHECKING:
     from colony.ir.program import Sensor
-    from colony.robots.scenario import Change
+    from colony.runs.scenario import ReadingChange
     from colony.runtime.kit.connection import Session
 
 POLL_INTERVAL_S = 0.05
@@ -26,8 +28,14 @@ POLL_INTERVAL_S = 0.05
 @click.command("hold", short_help="hold what devices read, such as a pressed button")
 @click.argument("settings", metavar="SERVER.FIELD=VALUE...", nargs=-1, required=True)
 @robot_option("The robot; required if several simulated ones run on this machine.")
-@click.option("--for", "length", metavar="TIME", help="The time to hold them: 3 (in seconds), 90s or 2min.")
-def hold_command(settings: tuple[str, ...], robot: str | None, length: str | None) -> None:
+@click.option(
+    "--for",
+    "length_ns",
+    metavar="TIME",
+    callback=parsed(partial(duration_ns, option="--for")),
+    help="The time to hold them: 3 (in seconds), 90s or 2min.",
+)
+def hold_command(settings: tuple[str, ...], robot: str | None, length_ns: int | None) -> None:
     """Hold fields of a simulated robot's devices at values, until Ctrl-C or for a time.
 
     The robot is one of `colony serve` or `colony run --processes`, on this machine. VALUE is that of
@@ -43,22 +51,20 @@ def hold_command(settings: tuple[str, ...], robot: str | None, length: str | Non
       colony sim hold Panel.estop=true Lift.load="12 kg" --robot amr --for 3s
     """
     from colony.cli.interruption import interruptible
-    from colony.cli.run.options import OptionError, duration_ns
-    from colony.robots.discovery import session_with
-    from colony.robots.field_giver import FieldGiver
-    from colony.robots.given_values import GivenValueError
-    from colony.robots.request import RunAbortedError
+    from colony.cli.run.simulator import FieldGiver
+    from colony.runs.scenario import GivenValueError
+    from colony.runs.spec import RunAbortedError
+    from colony.runtime.kit.discovery import session_with
     from colony.runtime.transport.live.robot_address import local
     from colony.text.wording import duration_text
 
     try:
-        length_ns = None if length is None else duration_ns(length, option="--for")
         with reporting_connection_errors():
             robot_address = local(_simulated(robot), os.environ)
             with session_with(robot_address) as session:
                 changes = _changes(robot_address.robot, session, settings)
-    except (OptionError, GivenValueError) as bad:
-        raise click.UsageError(str(bad), click.get_current_context()) from None
+    except GivenValueError as bad:
+        raise OptionError(str(bad)) from None
     with (
         interruptible("ending") as interrupted,
         closing(FieldGiver(robot_address, changes, lambda: None)) as giver,
@@ -81,7 +87,7 @@ def hold_command(settings: tuple[str, ...], robot: str | None, length: str | Non
 
 def _simulated(robot: str | None) -> str:
     """Return the name of the simulated robot that runs on this machine."""
-    from colony.robots.discovery import running_robots
+    from colony.runtime.kit.discovery import running_robots
     from colony.sim.plant.child import SIMULATOR
 
     names = [name for name, processes in running_robots().items() if SIMULATOR in processes]
@@ -96,7 +102,7 @@ def _simulated(robot: str | None) -> str:
     return names[0] if robot is None else robot
 
 
-def _changes(name: str, session: Session, settings: tuple[str, ...]) -> tuple[Change, ...]:
+def _changes(name: str, session: Session, settings: tuple[str, ...]) -> tuple[ReadingChange, ...]:
     """Return what the texts `SERVER.FIELD=VALUE` say, for the fields that the servers describe.
 
     Raises:
@@ -105,8 +111,7 @@ def _changes(name: str, session: Session, settings: tuple[str, ...]) -> tuple[Ch
     """
     from colony.ir.program import Robot
     from colony.ir.servers import DSERVER
-    from colony.robots.given_values import GivenValueError
-    from colony.robots.scenario import expect_givable, setting
+    from colony.runs.scenario import GivenValueError, expect_givable, setting
 
     servers: dict[str, None] = {}
     for text in settings:
@@ -125,7 +130,7 @@ def _changes(name: str, session: Session, settings: tuple[str, ...]) -> tuple[Ch
 
 def _fields(session: Session, server: str) -> Iterable[Sensor]:
     """Yield a sensor for each field that a server describes, in the unit that the interface declares."""
-    from colony.robots.given_values import described_sensor
+    from colony.runs.scenario import described_sensor
     from colony.runtime.kit.description import describe, server_spec
 
     with session.connect(server, name="colony sim hold") as connection:

@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, assert_never
 import click
 
 from colony.cli.exit_codes import EXIT_MISUSE
-from colony.cli.outputs import cannot_write, check_output, write_whole
+from colony.cli.outputs import MAP, cannot_write, check_output, write_whole
 from colony.cli.reporting import report, say
-from colony.cli.shipped_files import MAP
 from colony.extras import expect_extras
 
 if TYPE_CHECKING:

@@ -15,10 +15,10 @@ from colony.text.source import Span
 from colony.text.wording import counted
 from colony.verify.snapshot import snapshot_of
 from colony.verify.testing.agreement import reference
-from colony.verify.testing.differential import Breach, Nondeterministic, Report, try_traces
+from colony.verify.testing.differential import Breach, DifferentialReport, Nondeterministic, try_traces
 
 
-def reports(program: Program, count: int, seed: int, *, faults: bool = False) -> Iterator[Report]:
+def reports(program: Program, count: int, seed: int, *, faults: bool = False) -> Iterator[DifferentialReport]:
     """Draw `count` traces from `seed`, and yield the results so far after each trace.
 
     Every trace goes through all executors and the runtime in virtual time; with `faults`, also through a run
@@ -27,8 +27,7 @@ def reports(program: Program, count: int, seed: int, *, faults: bool = False) ->
     Raises:
         DiagnosticError: a Python module cannot be imported or built.
     """
-    from colony.robots.faults import with_faults
-    from colony.robots.virtual_executor import VirtualExecutor
+    from colony.analysis.virtual_executor import VirtualExecutor, with_faults
     from colony.verify.testing.agreement import ALL_EXECUTORS
 
     return try_traces(
@@ -43,7 +42,9 @@ def reports(program: Program, count: int, seed: int, *, faults: bool = False) ->
 # --- text ------------------------------------------------------------------------------------
 
 
-def lines(program: Program, report: Report, refuted_names: Collection[str] = ()) -> tuple[str, ...]:
+def lines(
+    program: Program, report: DifferentialReport, refuted_names: Collection[str] = ()
+) -> tuple[str, ...]:
     """Return the results as text, without traces of contracts that the prover has refuted."""
     text = [_headline(report)]
     if report.disagreement is not None:
@@ -56,12 +57,12 @@ def lines(program: Program, report: Report, refuted_names: Collection[str] = ())
     return (*text, *_coverage(report)) if report.nondeterministic is None else tuple(text)
 
 
-def bug(report: Report) -> str | None:
+def bug(report: DifferentialReport) -> str | None:
     """Return the executors' disagreement as a bug of colony; None if they agree."""
     return None if report.disagreement is None else f"executors disagree: {report.disagreement}"
 
 
-def _headline(report: Report) -> str:
+def _headline(report: DifferentialReport) -> str:
     drawn = f"{counted(report.drawn, 'trace')} of {report.asked}" if report.drawn < report.asked else ""
     what = f"{drawn or counted(report.drawn, 'trace')} with {counted(report.frames, 'frame')}"
     what += f" from seed {report.seed}"
@@ -79,7 +80,7 @@ def _table(program: Program, breach: Breach) -> tuple[str, ...]:
     return table(program, breach.contract, refutation(program, breach).trace)
 
 
-def _coverage(report: Report) -> Iterator[str]:
+def _coverage(report: DifferentialReport) -> Iterator[str]:
     """Yield a table with one line per module, and the modules that never won."""
     rows = [("module", "won", "active", "silent")]
     for module in report.modules:
@@ -99,7 +100,7 @@ def _coverage(report: Report) -> Iterator[str]:
 
 
 def findings(
-    program: Program, report: Report, file: str | None, refuted_names: Collection[str] = ()
+    program: Program, report: DifferentialReport, file: str | None, refuted_names: Collection[str] = ()
 ) -> dict[Diagnostic, tuple[TraceStep, ...]]:
     """Return the errors that the traces revealed, each with the frames that lead to it.
 
@@ -150,7 +151,7 @@ def _steps(program: Program, frames: Sequence[Frame], span: Span) -> tuple[Trace
 # --- JSON ----------------------------------------------------------------------------------
 
 
-def row(program: Program, report: Report) -> dict[str, object]:
+def row(program: Program, report: DifferentialReport) -> dict[str, object]:
     """Return an object for JSON, with traces in the prover's form."""
     from colony.verify.contracts.report import trace_rows
     from colony.verify.contracts.results import refutation

@@ -9,18 +9,16 @@ from typing import cast
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
+from colony.cli.outputs import BEHAVIOR
 from colony.cli.params_choice import params_option
+from colony.cli.progress import proof_progress
 from colony.cli.reporting import Format, format_option, is_unreadable
 from colony.cli.robot_choice import description_option
-from colony.cli.shipped_files import BEHAVIOR
-from colony.cli.verify.certificates import make_folder
 from colony.cli.verify.output import finish_output, show_rest, show_result
-from colony.cli.verify.progress import progress
 from colony.cli.verify.prover_options import COUNTED, DEFAULT_SECONDS, ProverSeconds, depth_option
-from colony.cli.verify.tests import check_writable
-from colony.cli.verify.work import Verified, Work, load
+from colony.cli.verify.work import Verified, Work, check_writable, load, make_folder
 from colony.extras import expect_extras
-from colony.text.suggestions import did_you_mean
+from colony.text.wording import did_you_mean
 from colony.verify.interruption import reliable_interrupts
 
 
@@ -147,7 +145,7 @@ def command(
     try:
         for verified in loaded:
             begun.append(verified)
-            with progress() as (on_progress, pause), reliable_interrupts():
+            with proof_progress() as (on_progress, pause), reliable_interrupts():
                 for result in work.run(verified, on_progress):
                     if format_ == "text":
                         with pause():

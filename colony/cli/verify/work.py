@@ -4,29 +4,147 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
-from colony.cli.reporting import check_to_run
-from colony.cli.verify.certificates import write_certificate
-from colony.cli.verify.progress import ReportProgress
+from colony.cli.outputs import cannot_write, write_whole
+from colony.cli.progress import ReportProgress
+from colony.cli.reporting import check_to_run, say
 from colony.cli.verify.prover_options import DEFAULT_SECONDS
-from colony.cli.verify.tests import append_tests
+from colony.dsl.files import MAX_BYTES
+from colony.files import read_file, reason
 from colony.text.diagnostics import DiagnosticError
 
 if TYPE_CHECKING:
     from colony.ir.program import Program
     from colony.text.diagnostics import Diagnostic
-    from colony.verify.contracts.proof_cache import ProofCache
-    from colony.verify.contracts.results import Options, Refuted, Result
+    from colony.verify.contracts.kept import ProofCache
+    from colony.verify.contracts.prove import ContractProver
+    from colony.verify.contracts.results import ProofOptions, Refuted, Result
     from colony.verify.contracts.solver import Deadline
     from colony.verify.lints.proof import Finding
     from colony.verify.symbolic.system import Shape
-    from colony.verify.testing.differential import Report
+    from colony.verify.testing.differential import DifferentialReport
+
+
+# --- certificates --------------------------------------------------------------------------------------
+#
+# Certificates of proofs, written by `colony verify --certificate`.
+
+
+def make_folder(folder: Path) -> None:
+    """Make the folder of certificates before the work begins; exit with 2 if that fails."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        cannot_write(folder, reason(problem))
+
+
+def write_certificate(folder: Path, options: ProofOptions, prover: ContractProver, result: Result) -> None:
+    """Write the certificate of a contract that `prover` has proved, or remove that of an earlier version."""
+    from colony.verify.contracts.certificate import certificate
+    from colony.verify.contracts.results import OverReals, Proved, ProvedInTime
+
+    path = folder / f"{result.contract.name}.smt2"
+    if isinstance(result, Proved | ProvedInTime):
+        text = certificate(prover, result, options)
+        if text is not None:
+            write_whole(path, text)
+            return
+        say(f"{path}: no certificate: z3 gave up; raise --timeout")
+    elif isinstance(result, OverReals):
+        say(f"{path}: no certificate: {result.contract.name} is proved only over real numbers")
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as problem:
+        cannot_write(path, reason(problem))
+
+
+# --- tests ---------------------------------------------------------------------------------------------
+#
+# Counterexamples appended to behavior files as tests.
+
+
+def check_writable(file: str) -> None:
+    """Refuse a file that cannot be replaced, before the work begins; exit with 2."""
+    path = Path(file)
+    if not os.access(path, os.W_OK):
+        cannot_write(path, "Permission denied (--write-test appends to it)")
+    if path.is_file() and not os.access(path.resolve().parent, os.W_OK | os.X_OK):
+        cannot_write(path, "Permission denied in its folder (--write-test replaces it)")
+
+
+def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> None:
+    """Append a `test` block for each refuted contract or reach, and report it; exit with 2 if that fails.
+
+    The file is replaced atomically. A test that it contains already is not written again.
+    """
+    path = Path(file)
+    before = _bytes(path)
+    text = before.decode("utf-8-sig").replace("\r\n", "\n")
+    titles = {existing.name for existing in program.tests}
+    blocks: list[str] = []
+    written: list[str] = []
+    for result in refuted:
+        test = _new_test(program, result, titles, text)
+        if test is None:
+            what = "what it reaches, or one of its values" if result.contract.reach else "one of its values"
+            say(f"{file}: no test for {result.contract.name}: the language cannot express {what}")
+        elif test.block in text:
+            say(f'{file}: the test "{test.title}" already exists')
+        else:
+            titles.add(test.title)
+            blocks.append(test.block)
+            written.append(test.title)
+    if blocks:
+        _append(path, before, blocks)
+    for name in written:
+        say(f'{file}: wrote the test "{name}"')
+
+
+class _Test(NamedTuple):
+    title: str
+    block: str
+
+
+def _new_test(program: Program, result: Refuted, titles: set[str], text: str) -> _Test | None:
+    """Return the test, titled with the first free title or the title of the same test in `text`."""
+    from colony.verify.contracts.example_block import example_block, title
+
+    number = 1
+    while True:
+        name = title(result.contract) + (f" ({number})" if number > 1 else "")
+        block = example_block(program, result.contract, result.trace, name)
+        if block is None:
+            return None
+        if name not in titles or block in text:
+            return _Test(name, block)
+        number += 1
+
+
+def _bytes(path: Path) -> bytes:
+    try:
+        return read_file(path, MAX_BYTES)
+    except OSError as problem:
+        cannot_write(path, reason(problem))
+
+
+def _append(path: Path, before: bytes, blocks: Sequence[str]) -> None:
+    """Append blocks to the file, with the same kind of line breaks."""
+    added = "".join(f"\n{block}" for block in blocks)
+    if before and not before.endswith(b"\n"):
+        added = f"\n{added}"
+    if b"\r\n" in before:
+        added = added.replace("\n", "\r\n")
+    write_whole(path, before + added.encode())
+
+
+# --- work ----------------------------------------------------------------------------------------------
+
 
 _LINT_FACTOR = 2
 """Limit for all questions about modules that can never act, in multiples of the limit per contract."""
@@ -41,7 +159,7 @@ class Verified:
     diagnostics: list[Diagnostic]
     results: list[Result] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
-    report: Report | None = None
+    report: DifferentialReport | None = None
     undecided_questions: int = 0  # questions about modules that can never act
     writes_tests: bool = False
 
@@ -95,7 +213,7 @@ class _Proofs:
 
     program: Program
     names: list[str]
-    options: Options
+    options: ProofOptions
     cache: ProofCache
     deadline: Deadline
     shapes: dict[str, Shape] = field(default_factory=dict)
@@ -118,12 +236,12 @@ class Work:
         """Do all of the work on a file, and yield the result of each contract when it is known."""
         if verified.program is None:
             return
-        from colony.verify.contracts.proof_cache import ProofCache, cache_folder
-        from colony.verify.contracts.results import Options, with_reaches
+        from colony.verify.contracts.kept import ProofCache, cache_folder
+        from colony.verify.contracts.results import ProofOptions, with_reaches
         from colony.verify.contracts.solver import Deadline
 
         program, seconds = with_reaches(verified.program), self.timeout or DEFAULT_SECONDS
-        options = Options.within(seconds, depth=self.depth, in_all=self.timeout is not None)
+        options = ProofOptions.within(seconds, depth=self.depth, in_all=self.timeout is not None)
         names = [c.name for c in program.contracts if not self.names or c.name in self.names]
         cache = ProofCache(cache_folder(os.environ), program, options, names)
 

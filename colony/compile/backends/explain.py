@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from colony.compile.backends.table import GuardText, definitions, legend, rows, wrapped
 from colony.compile.guards import ActuatorClients, Always, ModuleActive
-from colony.compile.network import GatedSuppressor, Link, ModuleLeaf, SuppressionNetwork
+from colony.compile.network import GatedSuppressor, ModuleLeaf, NodeUse, SuppressionNetwork
 from colony.compile.pipeline import Compilation
 from colony.ir.program import Program, Use, Wiring
 from colony.text.wording import duration_text
@@ -128,7 +128,7 @@ def _listed(head: str, names: list[str]) -> list[str]:
 # --- tree and traversal --------------------------------------------------------------------------
 
 
-def _tree(suppression: SuppressionNetwork, root: Link, clients: ActuatorClients) -> list[str]:
+def _tree(suppression: SuppressionNetwork, root: NodeUse, clients: ActuatorClients) -> list[str]:
     """Return the tree, left child first, so that its leaves are in visiting order.
 
     A shared node is expanded at its last visit, and only marked at earlier ones.
@@ -174,7 +174,7 @@ class _Branch:
     `prefix_below` those below it.
     """
 
-    link: Link
+    link: NodeUse
     parent: int = -1
     side: str = ""
     prefix: str = ""
@@ -201,7 +201,7 @@ def _branches(branch: _Branch, node: GatedSuppressor) -> tuple[_Branch, _Branch]
     return right, left
 
 
-def _last_parents(suppression: SuppressionNetwork, root: Link) -> dict[int, tuple[int, str]]:
+def _last_parents(suppression: SuppressionNetwork, root: NodeUse) -> dict[int, tuple[int, str]]:
     """Return, for each node, the suppressor and the side by which a forward traversal visits it last."""
     parents: dict[int, tuple[int, str]] = {}
     stack = [(root.node, -1, "")]

@@ -22,7 +22,7 @@ class _OpenCell:
 
 
 @dataclass(slots=True)
-class Builder:
+class CodeBuilder:
     """A growing list of ops and cells; `places` are the cells by their names in `ir.memory`. Mutable.
 
     `views.trimmed` removes what is not needed.

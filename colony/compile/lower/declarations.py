@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import assert_never
 
 from colony.compile.guards import ClientList
-from colony.compile.lower.builder import Builder
-from colony.compile.lower.expressions import ExpressionLowering, Scope, Values, kind_of
+from colony.compile.lower.builder import CodeBuilder
+from colony.compile.lower.expressions import ExpressionLowering, LoweringScope, Values, kind_of
 from colony.compile.lower.memory import GuardLowering
 from colony.execute.code import Kind, Lost, PythonActive, PythonBlind, SensorFresh
 from colony.execute.operators import Operator
@@ -53,7 +53,7 @@ class Declarations:
 
     def __init__(self, program: ir.Program, clients: ClientList) -> None:
         self.program = program
-        self.builder = Builder()
+        self.builder = CodeBuilder()
         self.expressions = ExpressionLowering(self.builder, self)
         self._sensors = {s.name: s for s in program.robot.sensors}
         self.actuators = {a.name: a for a in program.robot.actuators}
@@ -233,9 +233,9 @@ class Declarations:
         tests = [builder.apply(Operator.EQUAL, old, builder.literal(s)) for s in sorted(sources)]
         return builder.either(*tests)
 
-    def file_scope(self, label: str, expressions: tuple[e.Expression, ...]) -> Scope:
+    def file_scope(self, label: str, expressions: tuple[e.Expression, ...]) -> LoweringScope:
         """Return the scope of file-level expressions; `label` is the prefix of the names of their cells."""
-        return Scope(owner=None, label=label, ready=self.expressions.present(expressions, None))
+        return LoweringScope(owner=None, label=label, ready=self.expressions.present(expressions, None))
 
     # --- modules ---------------------------------------------------------------------------------
 
@@ -248,9 +248,9 @@ class Declarations:
             self._present[module] = self.expressions.present(expressions, module)
         return self._present[module]
 
-    def module_scope(self, module: ir.Module, label: str) -> Scope:
+    def module_scope(self, module: ir.Module, label: str) -> LoweringScope:
         """Return the scope of a module's expressions; `label` is the prefix of the names of their cells."""
-        return Scope(owner=module.name, label=label, ready=self.module_present(module.name))
+        return LoweringScope(owner=module.name, label=label, ready=self.module_present(module.name))
 
     def module_active(self, name: str) -> int:
         """Return the condition that the module puts a command on its output."""

@@ -12,7 +12,7 @@ from functools import partial
 from math import nan
 from typing import Protocol, assert_never
 
-from colony.compile.lower.builder import Builder
+from colony.compile.lower.builder import CodeBuilder
 from colony.compile.lower.memory import MemorySite, remember
 from colony.execute.code import (
     Commanded,
@@ -37,7 +37,7 @@ Values = tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scope:
+class LoweringScope:
     """The context of an expression.
 
     Attributes:
@@ -55,7 +55,7 @@ class Scope:
     elements: Mapping[str, int] = field(default_factory=dict)
 
 
-class Names(Protocol):
+class NameResolver(Protocol):
     """The meanings of names in expressions."""
 
     def sensor_kind(self, sensor: str) -> Kind:
@@ -119,7 +119,7 @@ _FUNCTIONS: dict[Function, Operator] = {
 class ExpressionLowering:
     """Lowers expressions into one builder."""
 
-    def __init__(self, builder: Builder, names: Names) -> None:
+    def __init__(self, builder: CodeBuilder, names: NameResolver) -> None:
         self.builder = builder
         self.names = names
         self._sensors: dict[str, Values] = {}
@@ -154,12 +154,12 @@ class ExpressionLowering:
 
     # --- values ----------------------------------------------------------------------------------
 
-    def scalar(self, e: ir.Expression, scope: Scope) -> int:
+    def scalar(self, e: ir.Expression, scope: LoweringScope) -> int:
         """Return the op number of a scalar expression's value."""
         (value,) = self.lower(e, scope)
         return value
 
-    def lower(self, e: ir.Expression, scope: Scope) -> Values:
+    def lower(self, e: ir.Expression, scope: LoweringScope) -> Values:
         """Return the op numbers of an expression's values."""
         apply = self.builder.apply
         match e:
@@ -190,7 +190,7 @@ class ExpressionLowering:
                 return self._array_access(e, self.lower(e.array, scope), scope)
             case ir.ValueOr():
                 return self._value_or(e, scope)
-            case ir.Call():
+            case ir.FunctionCall():
                 return self._call(e, scope)
             case ir.Reduce():
                 return (self._reduce(e, scope),)
@@ -244,7 +244,7 @@ class ExpressionLowering:
         apply = self.builder.apply
         return self.builder.both(apply(Operator.LESS_EQUAL, low, x), apply(Operator.LESS_EQUAL, x, high))
 
-    def _leaf(self, e: ir.Expression, scope: Scope) -> Values:
+    def _leaf(self, e: ir.Expression, scope: LoweringScope) -> Values:
         builder, names = self.builder, self.names
         match e:
             case ir.DerivedValue(name=name) | ir.LocalValue(name=name):
@@ -257,7 +257,7 @@ class ExpressionLowering:
                 return (scope.elements[name],)
             case ir.Now():
                 return (builder.apply(Operator.SECONDS, builder.add(FrameTime(), Kind.TIME)),)
-            case ir.Restarted():
+            case ir.RestartedFlag():
                 return (builder.add(Restarted(), Kind.BOOL),)
             case ir.Fresh(name=name, derived=derived):
                 fresh = names.let_present(name) if derived else builder.add(SensorFresh(name), Kind.BOOL)
@@ -289,7 +289,7 @@ class ExpressionLowering:
             case _:
                 raise AssertionError(f"{type(e).__name__} has operands")
 
-    def _value_or(self, e: ir.ValueOr, scope: Scope) -> Values:
+    def _value_or(self, e: ir.ValueOr, scope: LoweringScope) -> Values:
         is_present = self.present((e.expression,), scope.owner)
         inner = replace(scope, ready=self.builder.both(scope.ready, is_present))
         if isinstance(e.expression, ir.Element):
@@ -306,7 +306,9 @@ class ExpressionLowering:
 
     # --- arrays ----------------------------------------------------------------------------------
 
-    def _array_access(self, e: ir.Element | ir.Slice | ir.Window, whole: Values, scope: Scope) -> Values:
+    def _array_access(
+        self, e: ir.Element | ir.Slice | ir.Window, whole: Values, scope: LoweringScope
+    ) -> Values:
         match e:
             case ir.Element():
                 value, _ = self._element(e, whole, scope)
@@ -317,7 +319,7 @@ class ExpressionLowering:
                 indices = self.window_indices(e, len(whole), self.scalar(center, scope))
                 return tuple(self.pick(whole, i) for i in indices)
 
-    def _element(self, e: ir.Element, whole: Values, scope: Scope) -> tuple[int, int]:
+    def _element(self, e: ir.Element, whole: Values, scope: LoweringScope) -> tuple[int, int]:
         """Return an element and its position, which is not finite where the index is outside."""
         place = self.position(e, len(whole), self.scalar(e.index, scope))
         return self.pick(whole, place), place
@@ -361,7 +363,7 @@ class ExpressionLowering:
         places = (apply(Operator.ADD, middle, literal(float(j))) for j in range(-e.reach, e.reach + 1))
         return tuple(self.position(e, size, place) for place in places)
 
-    def _index_function(self, function: Function, e: ir.Expression, scope: Scope) -> int:
+    def _index_function(self, function: Function, e: ir.Expression, scope: LoweringScope) -> int:
         """Return the index of the least or greatest element, which is always an index of the whole array."""
         match e:
             case ir.Slice(indices=indices):
@@ -389,7 +391,7 @@ class ExpressionLowering:
 
     # --- functions -------------------------------------------------------------------------------
 
-    def _call(self, e: ir.Call, scope: Scope) -> Values:
+    def _call(self, e: ir.FunctionCall, scope: LoweringScope) -> Values:
         if e.function in ir.INDEX_FUNCTIONS:
             return (self._index_function(e.function, e.arguments[0], scope),)
         arguments = [self.lower(a, scope) for a in e.arguments]
@@ -432,7 +434,7 @@ class ExpressionLowering:
             case _:
                 raise AssertionError(f"{function} is not a reduction")
 
-    def _reduce(self, e: ir.Reduce, scope: Scope) -> int:
+    def _reduce(self, e: ir.Reduce, scope: LoweringScope) -> int:
         bodies, conditions = [], []
         arrays = {name: self.lower(array, scope) for name, array in e.arrays}
         for k in range(e.low, e.high + 1):
@@ -485,7 +487,7 @@ class ExpressionLowering:
 
     # --- memory ----------------------------------------------------------------------------------
 
-    def _memory(self, e: ir.MemoryCall, scope: Scope) -> Values:
+    def _memory(self, e: ir.MemoryCall, scope: LoweringScope) -> Values:
         arguments = [self.lower(a, scope) for a in e.arguments]
         size = max((len(a) for a in arguments), default=1)
         return tuple(
@@ -493,7 +495,7 @@ class ExpressionLowering:
             for i in range(size)
         )
 
-    def memory(self, e: ir.MemoryCall, arguments: Values, scope: Scope, i: int, size: int) -> int:
+    def memory(self, e: ir.MemoryCall, arguments: Values, scope: LoweringScope, i: int, size: int) -> int:
         """Return one element, of `size`, of a memory function's value, given those of its arguments."""
         loops = "".join(f" {variable}={k}" for variable, k in scope.loops)
         name = f"{scope.label} {e.function.value} {e.cell}{loops}"

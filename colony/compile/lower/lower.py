@@ -12,9 +12,9 @@ from functools import partial
 from typing import assert_never
 
 from colony.compile.guards import Client, ClientList
-from colony.compile.lower.builder import Builder
+from colony.compile.lower.builder import CodeBuilder
 from colony.compile.lower.declarations import Declarations
-from colony.compile.lower.expressions import ExpressionLowering, Names, Scope, kind_of
+from colony.compile.lower.expressions import ExpressionLowering, LoweringScope, NameResolver, kind_of
 from colony.compile.lower.memory import GuardLowering
 from colony.execute.code import (
     ActuatorCode,
@@ -36,9 +36,9 @@ from colony.execute.operators import Operator
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
 from colony.ir.expression import Binary, Function, Unary
-from colony.ir.in_time import in_time
 from colony.ir.memory import sent_cell
 from colony.ir.types import Array
+from colony.ir.walk import in_time
 
 # --- contracts ----------------------------------------------------------------------------------------
 #
@@ -49,36 +49,36 @@ from colony.ir.types import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownOp:
     """The op number of a scalar's value, and that of the condition that it is known."""
 
     value: int
     known: int
 
 
-KnownValues = tuple[Known, ...]
+KnownValues = tuple[KnownOp, ...]
 """The elements of an expression's value; a single one for a scalar."""
 
 
 @dataclass(frozen=True, slots=True)
-class Round:
+class LoweredRound:
     """A round of a reduction: its variable and index, and the elements of its arrays by name."""
 
     variable: str
     k: int
-    elements: Mapping[str, Known]
+    elements: Mapping[str, KnownOp]
 
 
-Loops = tuple[Round, ...]
+Loops = tuple[LoweredRound, ...]
 """The present rounds of the enclosing reductions, outermost first."""
 
 
 class ContractLowering:
     """Lowers contracts into the builder of `expressions`."""
 
-    def __init__(self, expressions: ExpressionLowering, names: Names) -> None:
+    def __init__(self, expressions: ExpressionLowering, names: NameResolver) -> None:
         self.expressions = expressions
-        self.builder: Builder = expressions.builder
+        self.builder: CodeBuilder = expressions.builder
         self.names = names
 
     def holds(self, e: ir.Expression, label: str) -> int:
@@ -128,7 +128,7 @@ class ContractLowering:
                 return self._array_access(e, label, loops)
             case ir.ValueOr(expression=expression, other=other):
                 return _each(self._value_or, lower(expression), lower(other))
-            case ir.Call():
+            case ir.FunctionCall():
                 return self._call(e, label, loops)
             case ir.Reduce():
                 return (self._reduce(e, label, loops),)
@@ -144,10 +144,10 @@ class ContractLowering:
         if isinstance(e, ir.LoopElement):
             return ([turn.elements[e.name] for turn in loops if e.name in turn.elements][-1],)
         present = self.expressions.present((e,), None)
-        scope = Scope(owner=None, label=label, ready=always, loops=_indices_of(loops))
-        return tuple(Known(value, present) for value in self.expressions.lower(e, scope))
+        scope = LoweringScope(owner=None, label=label, ready=always, loops=_indices_of(loops))
+        return tuple(KnownOp(value, present) for value in self.expressions.lower(e, scope))
 
-    def _held(self, e: ir.SentField) -> Known:
+    def _held(self, e: ir.SentField) -> KnownOp:
         """Return the field of an actuator on `idle hold`: the last value sent, unknown before the first."""
         builder, actuator = self.builder, e.actuator
         commanded = builder.add(Commanded(actuator), Kind.BOOL)
@@ -160,18 +160,18 @@ class ContractLowering:
         builder.keep(last, commanded, sent)
         builder.keep(ever, commanded, builder.literal(True))
         value = builder.apply(Operator.SELECT, commanded, sent, last)
-        return Known(value, builder.either(commanded, ever))
+        return KnownOp(value, builder.either(commanded, ever))
 
     # --- operators -------------------------------------------------------------------------------
 
-    def _strict(self, function: Callable[..., int], *x: Known) -> Known:
+    def _strict(self, function: Callable[..., int], *x: KnownOp) -> KnownOp:
         """Apply a function to values, unknown if one of them is."""
-        return Known(function(*[v.value for v in x]), self._all_known(x))
+        return KnownOp(function(*[v.value for v in x]), self._all_known(x))
 
-    def _all_known(self, x: Sequence[Known]) -> int:
+    def _all_known(self, x: Sequence[KnownOp]) -> int:
         return self.builder.both(*[v.known for v in x])
 
-    def _binary(self, operator: Binary, x: Known, y: Known) -> Known:
+    def _binary(self, operator: Binary, x: KnownOp, y: KnownOp) -> KnownOp:
         match operator:
             case Binary.AND:
                 return self._all((x, y))
@@ -182,17 +182,17 @@ class ContractLowering:
             case _:
                 return self._strict(partial(self.expressions.binary, operator), x, y)
 
-    def _all(self, x: Sequence[Known]) -> Known:
+    def _all(self, x: Sequence[KnownOp]) -> KnownOp:
         """Return the conjunction: known if all operands are, or if one is known to be false."""
         value = self.builder.both(*[v.value for v in x])
         return self._connected(value, x, [self.builder.negation(v.value) for v in x])
 
-    def _any(self, x: Sequence[Known]) -> Known:
+    def _any(self, x: Sequence[KnownOp]) -> KnownOp:
         """Return the disjunction: known if all operands are, or if one is known to be true."""
         value = self.builder.either(*[v.value for v in x])
         return self._connected(value, x, [v.value for v in x])
 
-    def _connected(self, value: int, x: Sequence[Known], settles: Sequence[int]) -> Known:
+    def _connected(self, value: int, x: Sequence[KnownOp], settles: Sequence[int]) -> KnownOp:
         """Return a value that is known if all operands are, or if one is that settles it alone."""
         builder = self.builder
         certain = [s for v, s in zip(x, settles, strict=True) if self._is_known(v)]
@@ -201,21 +201,21 @@ class ContractLowering:
         all_known = builder.both(*conditions)
         if len(conditions) > 1:
             certain += [builder.both(known, s) for known, s in uncertain]
-        return Known(value, builder.either(all_known, *certain))
+        return KnownOp(value, builder.either(all_known, *certain))
 
-    def _is_known(self, x: Known) -> bool:
+    def _is_known(self, x: KnownOp) -> bool:
         return self.builder.is_true(x.known)
 
-    def _choice(self, condition: Known, yes: Known, no: Known) -> Known:
-        return Known(
+    def _choice(self, condition: KnownOp, yes: KnownOp, no: KnownOp) -> KnownOp:
+        return KnownOp(
             self.builder.apply(Operator.SELECT, condition.value, yes.value, no.value),
             self.builder.both(
                 condition.known, self.builder.apply(Operator.SELECT, condition.value, yes.known, no.known)
             ),
         )
 
-    def _value_or(self, x: Known, other: Known) -> Known:
-        return Known(
+    def _value_or(self, x: KnownOp, other: KnownOp) -> KnownOp:
+        return KnownOp(
             self.builder.apply(Operator.SELECT, x.known, x.value, other.value),
             self.builder.either(x.known, other.known),
         )
@@ -230,27 +230,27 @@ class ContractLowering:
             case ir.Element(index=index):
                 (given,) = self._lower(index, label, loops)
                 position = self.expressions.position(e, len(whole), given.value)
-                return (self._pick(whole, Known(position, given.known)),)
+                return (self._pick(whole, KnownOp(position, given.known)),)
             case ir.Window(center=center):
                 (middle,) = self._lower(center, label, loops)
                 return tuple(self._pick(whole, i) for i in self._indices(e, len(whole), middle))
 
-    def _indices(self, e: ir.Window, size: int, center: Known) -> KnownValues:
+    def _indices(self, e: ir.Window, size: int, center: KnownOp) -> KnownValues:
         indices = self.expressions.window_indices(e, size, center.value)
-        return tuple(Known(i, center.known) for i in indices)
+        return tuple(KnownOp(i, center.known) for i in indices)
 
-    def _pick(self, array: KnownValues, index: Known) -> Known:
+    def _pick(self, array: KnownValues, index: KnownOp) -> KnownOp:
         """Return an element, unknown at an index that is outside or not finite."""
         value = self.expressions.pick(tuple(x.value for x in array), index.value)
         known = array[0].known
         if not all(x.known == known for x in array):
             known = self.expressions.pick(tuple(x.known for x in array), index.value)
         is_inside = self.builder.apply(Operator.FINITE, index.value)
-        return Known(value, self.builder.both(index.known, is_inside, known))
+        return KnownOp(value, self.builder.both(index.known, is_inside, known))
 
     # --- functions -------------------------------------------------------------------------------
 
-    def _call(self, e: ir.Call, label: str, loops: Loops) -> KnownValues:
+    def _call(self, e: ir.FunctionCall, label: str, loops: Loops) -> KnownValues:
         if e.function in ir.INDEX_FUNCTIONS:
             return (self._index_function(e.function, e.arguments[0], label, loops),)
         arguments = [self._lower(a, label, loops) for a in e.arguments]
@@ -259,7 +259,7 @@ class ContractLowering:
         function = partial(self.expressions.function, e.function)
         return _each(partial(self._strict, function), *arguments)
 
-    def _reduction(self, function: Function, x: Sequence[Known]) -> Known:
+    def _reduction(self, function: Function, x: Sequence[KnownOp]) -> KnownOp:
         match function:
             case Function.ANY:
                 return self._any(x)
@@ -267,9 +267,9 @@ class ContractLowering:
                 return self._all(x)
             case _:
                 value = self.expressions.reduction(function, tuple(v.value for v in x))
-                return Known(value, self._all_known(x))
+                return KnownOp(value, self._all_known(x))
 
-    def _index_function(self, function: Function, e: ir.Expression, label: str, loops: Loops) -> Known:
+    def _index_function(self, function: Function, e: ir.Expression, label: str, loops: Loops) -> KnownOp:
         """Return the index of the least or greatest element; for a slice or window, in the whole array."""
         index_of, builder = self.expressions.index_of, self.builder
         match e:
@@ -283,19 +283,19 @@ class ContractLowering:
                 chosen = tuple(self._pick(whole, i) for i in window)
                 best = index_of(function, tuple(x.value for x in chosen))
                 place = self.expressions.place_in_window(e, tuple(i.value for i in window), best, len(whole))
-                return Known(place, self._all_known(chosen))
+                return KnownOp(place, self._all_known(chosen))
             case _:
                 chosen = self._lower(e, label, loops)
                 places = tuple(builder.literal(float(i)) for i in range(len(chosen)))
         position = index_of(function, tuple(x.value for x in chosen))
-        return Known(self.expressions.pick(places, position), self._all_known(chosen))
+        return KnownOp(self.expressions.pick(places, position), self._all_known(chosen))
 
-    def _reduce(self, e: ir.Reduce, label: str, loops: Loops) -> Known:
-        builder, pairs = self.builder, list[tuple[Known, Known]]()
-        always = Known(builder.literal(True), builder.literal(True))
+    def _reduce(self, e: ir.Reduce, label: str, loops: Loops) -> KnownOp:
+        builder, pairs = self.builder, list[tuple[KnownOp, KnownOp]]()
+        always = KnownOp(builder.literal(True), builder.literal(True))
         arrays = {name: self._lower(array, label, loops) for name, array in e.arrays}
         for k in range(e.low, e.high + 1):
-            inner = (*loops, Round(e.variable, k, {name: array[k] for name, array in arrays.items()}))
+            inner = (*loops, LoweredRound(e.variable, k, {name: array[k] for name, array in arrays.items()}))
             (body,) = self._lower(e.body, label, inner)
             (condition,) = (always,) if e.condition is None else self._lower(e.condition, label, inner)
             pairs.append((condition, body))
@@ -309,7 +309,7 @@ class ContractLowering:
                 value = self.expressions.reduction_of(
                     e.function, [b.value for _, b in pairs], [c.value for c, _ in pairs]
                 )
-                return Known(value, self._all_known([x for pair in pairs for x in pair]))
+                return KnownOp(value, self._all_known([x for pair in pairs for x in pair]))
 
     # --- memory ----------------------------------------------------------------------------------
 
@@ -322,9 +322,9 @@ class ContractLowering:
         for i in range(size):
             x = [a[i] if len(a) > 1 else a[0] for a in arguments]
             known = self._all_known(x)
-            scope = Scope(owner=None, label=label, ready=known, loops=_indices_of(loops))
+            scope = LoweringScope(owner=None, label=label, ready=known, loops=_indices_of(loops))
             element = self.expressions.memory(e, tuple(v.value for v in x), scope, i, size)
-            results.append(Known(element, known))
+            results.append(KnownOp(element, known))
         return tuple(results)
 
 
@@ -332,7 +332,7 @@ def _indices_of(loops: Loops) -> tuple[tuple[str, int], ...]:
     return tuple((turn.variable, turn.k) for turn in loops)
 
 
-def _each(function: Callable[..., Known], *operands: KnownValues) -> KnownValues:
+def _each(function: Callable[..., KnownOp], *operands: KnownValues) -> KnownValues:
     """Apply a function to the operands, element by element; a scalar is repeated for all elements."""
     size = max(len(x) for x in operands)
     return tuple(function(*[x[i] if len(x) > 1 else x[0] for x in operands]) for i in range(size))
@@ -413,7 +413,7 @@ class _Lowering(Declarations):
         )
         self._python.append(call)
 
-    def _read(self, reading: program_ir.PythonReading, scope: Scope) -> PythonRead:
+    def _read(self, reading: program_ir.PythonReading, scope: LoweringScope) -> PythonRead:
         elements = self.expressions.lower(reading.expression, scope)
         return PythonRead(
             name=reading.name, elements=elements, array=isinstance(reading.expression.type, Array)

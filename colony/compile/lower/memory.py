@@ -14,7 +14,7 @@ from typing import assert_never
 
 from colony.compile import guards as g
 from colony.compile.guards import ClientList
-from colony.compile.lower.builder import Builder
+from colony.compile.lower.builder import CodeBuilder
 from colony.execute.code import FrameTime, Kind, Literal
 from colony.execute.operators import Operator
 from colony.ir.expression import MemoryCall, MemoryFunction
@@ -36,7 +36,7 @@ class MemorySite:
         return tuple([f"{cell} {part}" for cell in self.cells])
 
 
-def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], site: MemorySite) -> int:
+def remember(builder: CodeBuilder, call: MemoryCall, arguments: tuple[int, ...], site: MemorySite) -> int:
     """Return the value of one scalar memory call in this frame."""
     match call.function:
         case MemoryFunction.PREVIOUS:
@@ -67,14 +67,14 @@ def remember(builder: Builder, call: MemoryCall, arguments: tuple[int, ...], sit
             assert_never(call.function)
 
 
-def started(builder: Builder, site: MemorySite) -> int:
+def started(builder: CodeBuilder, site: MemorySite) -> int:
     """Return the condition that `site` was ready before; sites with equal `ready` share a cell."""
     old = builder.cell(f"started {site.ready}", Kind.BOOL, False, *site.cell_names("started"))
     builder.keep(old, site.ready, builder.literal(True))
     return old
 
 
-def until(builder: Builder, holds: int, window_ns: int, site: MemorySite) -> int:
+def until(builder: CodeBuilder, holds: int, window_ns: int, site: MemorySite) -> int:
     """Return the condition that `holds` is true, or was true less than `window_ns` ago."""
     now = builder.add(FrameTime(), Kind.TIME)
     end = builder.cell(f"{site.name} until", Kind.TIME, 0, *site.cell_names("until"))
@@ -83,7 +83,7 @@ def until(builder: Builder, holds: int, window_ns: int, site: MemorySite) -> int
     return builder.either(holds, builder.apply(Operator.TIME_LESS, now, end))
 
 
-def _last(builder: Builder, value: int, site: MemorySite) -> int:
+def _last(builder: CodeBuilder, value: int, site: MemorySite) -> int:
     """Return the argument's value in the previous frame; false or 0 in the first one."""
     kind = builder.kinds[value]
     old = builder.cell(
@@ -93,7 +93,7 @@ def _last(builder: Builder, value: int, site: MemorySite) -> int:
     return old
 
 
-def _previous(builder: Builder, value: int, initial: int, site: MemorySite) -> int:
+def _previous(builder: CodeBuilder, value: int, initial: int, site: MemorySite) -> int:
     constant = builder.ops[initial]
     if not isinstance(constant, Literal):
         return builder.apply(Operator.SELECT, started(builder, site), _last(builder, value, site), initial)
@@ -102,11 +102,11 @@ def _previous(builder: Builder, value: int, initial: int, site: MemorySite) -> i
     return old
 
 
-def _differs(builder: Builder, value: int, old: int) -> int:
+def _differs(builder: CodeBuilder, value: int, old: int) -> int:
     return builder.apply(Operator.NOT_EQUAL, value, old)
 
 
-def _elapsed(builder: Builder, holds: int, site: MemorySite) -> int:
+def _elapsed(builder: CodeBuilder, holds: int, site: MemorySite) -> int:
     now = builder.add(FrameTime(), Kind.TIME)
     was = builder.cell(f"{site.name} was", Kind.BOOL, False, *site.cell_names("was"))
     since = builder.cell(f"{site.name} since", Kind.TIME, 0, *site.cell_names("since"))
@@ -116,7 +116,7 @@ def _elapsed(builder: Builder, holds: int, site: MemorySite) -> int:
     return builder.apply(Operator.SELECT, builder.both(holds, was), seconds, builder.literal(0.0))
 
 
-def _sustained(builder: Builder, holds: int, duration_ns: int, site: MemorySite) -> int:
+def _sustained(builder: CodeBuilder, holds: int, duration_ns: int, site: MemorySite) -> int:
     """Return the condition that `holds` was true in every frame since one at least `duration_ns` ago.
 
     A frame that does not evaluate it counts as one in which it was false.
@@ -133,7 +133,7 @@ def _sustained(builder: Builder, holds: int, duration_ns: int, site: MemorySite)
     return builder.both(holds, was, builder.negation(builder.apply(Operator.TIME_LESS, now, due)))
 
 
-def _captured(builder: Builder, value: int, key: int, site: MemorySite) -> int:
+def _captured(builder: CodeBuilder, value: int, key: int, site: MemorySite) -> int:
     kind, key_kind = builder.kinds[value], builder.kinds[key]
     held = builder.cell(
         f"{site.name} held", kind, False if kind is Kind.BOOL else 0.0, *site.cell_names("held")
@@ -150,7 +150,7 @@ def _captured(builder: Builder, value: int, key: int, site: MemorySite) -> int:
     return builder.apply(Operator.SELECT, key_changed, value, held)
 
 
-def _every(builder: Builder, interval_ns: int, site: MemorySite) -> int:
+def _every(builder: CodeBuilder, interval_ns: int, site: MemorySite) -> int:
     now = builder.add(FrameTime(), Kind.TIME)
     due = builder.cell(f"{site.name} due", Kind.TIME, 0, *site.cell_names("due"))
     is_due = builder.negation(builder.apply(Operator.TIME_LESS, now, due))
@@ -175,7 +175,7 @@ class GuardLowering:
     """
 
     def __init__(
-        self, builder: Builder, clients: ClientList, active: Callable[[str], int], name: str = "guard"
+        self, builder: CodeBuilder, clients: ClientList, active: Callable[[str], int], name: str = "guard"
     ) -> None:
         self.builder = builder
         self.activity_guards = dict(clients.observed)  # by name of the wire or module

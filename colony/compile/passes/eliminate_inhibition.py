@@ -20,9 +20,9 @@ from colony.compile.guards import Always, GuardTable, ModuleActive
 from colony.compile.network import (
     GatedSuppressor,
     Inhibitor,
-    Link,
     ModuleLeaf,
     Network,
+    NodeUse,
     SuppressionNetwork,
     SuppressionNode,
     Suppressor,
@@ -32,7 +32,7 @@ from colony.compile.network import (
 def eliminate_inhibition(network: Network) -> SuppressionNetwork:
     """Return the same network with inhibitors and time constants replaced by gates on its links."""
     elimination = _Elimination()
-    links: list[Link] = []  # by node of the network
+    links: list[NodeUse] = []  # by node of the network
     for node in network.nodes:
         match node:
             case ModuleLeaf():
@@ -63,10 +63,10 @@ class _Elimination:
         self.activities: list[int] = []
         self.windows: list[tuple[str, int]] = []
 
-    def leaf(self, leaf: ModuleLeaf) -> Link:
+    def leaf(self, leaf: ModuleLeaf) -> NodeUse:
         return self.add(leaf, self.table.add(ModuleActive(leaf.module)))
 
-    def inhibited(self, dominant: Link, inferior: Link, node: Inhibitor | Suppressor) -> Link:
+    def inhibited(self, dominant: NodeUse, inferior: NodeUse, node: Inhibitor | Suppressor) -> NodeUse:
         """Return the inferior link, closed while the dominant link dominates."""
         table = self.table
         dominating = table.recently(dominant.active, node.window_ns)
@@ -74,15 +74,15 @@ class _Elimination:
             self.windows.append((node.memory_name, dominating))
         gate = table.conjunction((table.negation(dominating), inferior.gate))
         active = table.conjunction((gate, self.activities[inferior.node]))
-        return Link(node=inferior.node, gate=gate, active=active)
+        return NodeUse(node=inferior.node, gate=gate, active=active)
 
-    def suppressed(self, dominant: Link, inferior: Link, node: Suppressor) -> Link:
+    def suppressed(self, dominant: NodeUse, inferior: NodeUse, node: Suppressor) -> NodeUse:
         if node.window_ns > 0:
             inferior = self.inhibited(dominant, inferior, node)
         active = self.table.disjunction((dominant.active, inferior.active))
         return self.add(GatedSuppressor(dominant=dominant, inferior=inferior), active)
 
-    def add(self, node: SuppressionNode, active: int) -> Link:
+    def add(self, node: SuppressionNode, active: int) -> NodeUse:
         self.nodes.append(node)
         self.activities.append(active)
-        return Link(node=len(self.nodes) - 1, gate=self.always, active=active)
+        return NodeUse(node=len(self.nodes) - 1, gate=self.always, active=active)

@@ -20,7 +20,7 @@ and the winner of the network are the same.
 from __future__ import annotations
 
 from colony.compile.guards import ActuatorClients, Client, ClientList, GuardTable, ModuleActive
-from colony.compile.network import GatedSuppressor, Link, ModuleLeaf, SuppressionNetwork, SuppressionNode
+from colony.compile.network import GatedSuppressor, ModuleLeaf, NodeUse, SuppressionNetwork, SuppressionNode
 
 
 def forward_traversal(suppression: SuppressionNetwork) -> ClientList:
@@ -42,7 +42,7 @@ def forward_traversal(suppression: SuppressionNetwork) -> ClientList:
     )
 
 
-def _clients(nodes: tuple[SuppressionNode, ...], root: Link, table: GuardTable) -> tuple[Client, ...]:
+def _clients(nodes: tuple[SuppressionNode, ...], root: NodeUse, table: GuardTable) -> tuple[Client, ...]:
     """Return the clients of one output, highest priority first."""
     visits = backward_visits(nodes, root)
     conditions = _Conditions(root)
@@ -68,7 +68,7 @@ def _clients(nodes: tuple[SuppressionNode, ...], root: Link, table: GuardTable) 
     return tuple(clients)
 
 
-def backward_visits(nodes: tuple[SuppressionNode, ...], root: Link) -> list[int]:
+def backward_visits(nodes: tuple[SuppressionNode, ...], root: NodeUse) -> list[int]:
     """Return the nodes under `root` in the reverse of a forward traversal, each at its last visit there.
 
     Nodes come before their children, dominant before inferior ones.
@@ -95,7 +95,7 @@ class _Conditions:
         gates: the gates on the path from the root to each node, None if there are several paths.
     """
 
-    def __init__(self, root: Link) -> None:
+    def __init__(self, root: NodeUse) -> None:
         self.first_uses: dict[int, int] = {root.node: root.gate}
         self.other_uses: dict[int, list[int]] = {}
         self.gates: dict[int, int | None] = {root.node: root.gate}

@@ -37,7 +37,7 @@ class Packet:
     name: str
 
 
-class Mode(IntEnum):
+class OiMode(IntEnum):
     """The modes of packet 35; some firmware reports greater numbers."""
 
     OFF = 0
@@ -201,7 +201,7 @@ def data_of(ids: bytes | tuple[int, ...], values: dict[str, int]) -> bytes:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class State:
+class Create2State:
     """What the robot measures, by sides as the specification has them.
 
     Attributes:
@@ -267,11 +267,11 @@ def implausible(values: dict[str, int]) -> str | None:
     return None
 
 
-def state_of(values: dict[str, int]) -> State:
+def state_of(values: dict[str, int]) -> Create2State:
     """Return what values of packets mean; those that are missing count as 0."""
     value = {packet.name: values.get(packet.name, 0) for packet in PACKETS.values()}
     bumps, over, sources = value["bumps_and_drops"], value["overcurrents"], value["charging_sources"]
-    return State(
+    return Create2State(
         bump_right=bool(bumps & 1),
         bump_left=bool(bumps & 2),
         drop_right=bool(bumps & 4),
@@ -364,7 +364,7 @@ DATA_SIZES: dict[int, int] = {
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class StreamFrame:
     """A frame of the stream: the ids that were asked for, and the data behind each, joined."""
 
     ids: tuple[int, ...]
@@ -412,7 +412,7 @@ def stream(ids: tuple[int, ...]) -> bytes:
     return command(Opcode.STREAM, len(ids), *ids)
 
 
-def encoded(frame: Frame) -> bytes:
+def encoded(frame: StreamFrame) -> bytes:
     """Return the bytes of a frame."""
     body, at = bytearray(), 0
     for number in frame.ids:
@@ -423,7 +423,7 @@ def encoded(frame: Frame) -> bytes:
     return whole + bytes([-sum(whole) % 256])
 
 
-def decoder(ids: tuple[int, ...] = STREAM) -> SlidingDecoder[Frame]:
+def decoder(ids: tuple[int, ...] = STREAM) -> SlidingDecoder[StreamFrame]:
     """Return a decoder of the frames that have exactly these packets."""
     places, at = list[tuple[int, int, int]](), 0  # the id, and where its data begins and ends in the body
     for number in ids:
@@ -431,7 +431,7 @@ def decoder(ids: tuple[int, ...] = STREAM) -> SlidingDecoder[Frame]:
         at = places[-1][2]
     count = at
 
-    def parse(stream: bytearray, start: int) -> tuple[Frame, int] | Need:
+    def parse(stream: bytearray, start: int) -> tuple[StreamFrame, int] | Need:
         if len(stream) < start + 2:
             return "more"
         if stream[start + 1] != count:
@@ -445,7 +445,7 @@ def decoder(ids: tuple[int, ...] = STREAM) -> SlidingDecoder[Frame]:
         if sum(stream[start:end]) % 256:
             return "other"
         data = b"".join(stream[body + first : body + last] for _, first, last in places)
-        return Frame(ids, data), end
+        return StreamFrame(ids, data), end
 
     return SlidingDecoder(parse, bytes([HEADER]))
 

@@ -19,10 +19,10 @@ from colony.drivers.create2.codec import (
     MAX_WHEEL,
     RED_BUOY,
     STREAM,
-    Frame,
-    Mode,
+    Create2State,
+    OiMode,
     Opcode,
-    State,
+    StreamFrame,
     beam_heard,
     command,
     decoder,
@@ -41,7 +41,7 @@ from colony.drivers.dialect import (
     Readings,
     Send,
 )
-from colony.drivers.odometry import Pose, Registers, along_arc
+from colony.drivers.odometry import OdometryPose, Registers, along_arc
 from colony.drivers.serial_base import SerialBase, SerialFields
 from colony.ir.types import Value
 from colony.runtime.servers.drivers import BaseState
@@ -73,7 +73,7 @@ MAX_SIGNAL, LIGHT_DECAY_MM, LIGHT_REACH_MM = 4_095, 80.0, 300.0
 """The strongest echo of the light bumper, how its strength is taken to fall, and how far it is looked at."""
 
 
-class Create2(Dialect[Frame]):
+class Create2(Dialect[StreamFrame]):
     """The dialect. Mutable: has the pose by dead reckoning, and why the robot may not drive any more.
 
     Fields: battery (percent), volts, charging, docked, wheel_drop, stalled, mode; bumper (left, right), cliff
@@ -94,15 +94,15 @@ class Create2(Dialect[Frame]):
     def __init__(self, mode_offset: int = 0) -> None:
         if mode_offset not in (0, 1):
             raise ValueError(f"mode_offset is {mode_offset}; it is 0 or 1")
-        self._passive, self._safe = Mode.PASSIVE + mode_offset, Mode.SAFE + mode_offset
+        self._passive, self._safe = OiMode.PASSIVE + mode_offset, OiMode.SAFE + mode_offset
         self._registers = Registers(16, 16, max_rate=1.2 * MAX_WHEEL / MM_PER_COUNT)
-        self._pose = Pose()
+        self._pose = OdometryPose()
         self._travel = (0.0, 0.0)
         self._past: deque[tuple[int, float, float]] = deque()
         self._drives = False
         self._fault = ""
 
-    def decoder(self) -> Decoder[Frame]:
+    def decoder(self) -> Decoder[StreamFrame]:
         """Return a decoder of the frames of the stream."""
         return decoder()
 
@@ -112,7 +112,7 @@ class Create2(Dialect[Frame]):
         self._past.clear()
         self._drives = False
 
-    def opening(self) -> Opening[Frame]:
+    def opening(self) -> Opening[StreamFrame]:
         """Return the opening: start, stream, safe mode once; refused after a fault."""
         if self._fault:
             raise OpeningError(self._fault)
@@ -134,7 +134,7 @@ class Create2(Dialect[Frame]):
             raise OpeningError(f"the Create does not enter safe mode: {_reason(state_of(frame.values()))}")
         self._drives = True
 
-    def read(self, packet: Frame, t_ns: int) -> Readings:
+    def read(self, packet: StreamFrame, t_ns: int) -> Readings:
         """Return what a frame measured.
 
         Raises:
@@ -151,11 +151,11 @@ class Create2(Dialect[Frame]):
             raise OpeningError(self._fault)
         return Readings(base=base, fields=_fields(state))
 
-    def _is_passive(self, frame: Frame) -> bool:
+    def _is_passive(self, frame: StreamFrame) -> bool:
         """Return True for a frame from after START; there is none where `mode_offset` is wrong."""
         return state_of(frame.values()).mode == self._passive
 
-    def _is_safe(self, frame: Frame) -> bool:
+    def _is_safe(self, frame: StreamFrame) -> bool:
         return state_of(frame.values()).mode == self._safe
 
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> bytes:
@@ -166,7 +166,7 @@ class Create2(Dialect[Frame]):
         part = min(1.0, MAX_WHEEL / max(abs(velocity) + abs(half), 1.0))
         return drive_direct(round((velocity + half) * part), round((velocity - half) * part))
 
-    def _base(self, state: State, t_ns: int) -> BaseState:
+    def _base(self, state: Create2State, t_ns: int) -> BaseState:
         steps, _ = self._registers.step((state.encoder_left, state.encoder_right), t_ns)
         left, right = (count * MM_PER_COUNT for count in steps)
         self._pose = along_arc(self._pose, (left + right) / 2.0, math.degrees((right - left) / BASE_MM))
@@ -200,11 +200,11 @@ class Create2(Dialect[Frame]):
         return left, right
 
 
-def _any(frame: Frame) -> bool:
+def _any(frame: StreamFrame) -> bool:
     return True
 
 
-def _reason(state: State) -> str:
+def _reason(state: Create2State) -> str:
     """Return why the robot is not in safe mode, as far as it says so."""
     if state.drop_left or state.drop_right:
         return "a wheel hangs"
@@ -215,7 +215,7 @@ def _reason(state: State) -> str:
     return f"mode {state.mode}: a button, or a damaged command"
 
 
-def _fields(state: State) -> dict[str, Value]:
+def _fields(state: Create2State) -> dict[str, Value]:
     level = 100.0 * state.charge / state.capacity if state.capacity else 0.0
     return {
         "battery": min(100.0, level),
@@ -238,11 +238,11 @@ def _range(signal: int) -> float:
     return mm if mm < LIGHT_REACH_MM else math.inf
 
 
-def base(port: str, *, frame_ns: int, baud: int = 0, mode_offset: int = 0) -> SerialBase[Frame]:
+def base(port: str, *, frame_ns: int, baud: int = 0, mode_offset: int = 0) -> SerialBase[StreamFrame]:
     """Return the driver of `RServer`."""
     return SerialBase(Create2(mode_offset), port, baud=baud, frame_ns=frame_ns)
 
 
-def fields(port: str, *, baud: int = 0, **names: str) -> SerialFields[Frame]:
+def fields(port: str, *, baud: int = 0, **names: str) -> SerialFields[StreamFrame]:
     """Return the driver of another server; `names` are the dialect's names of its fields."""
     return SerialFields(Create2(), port, names, baud=baud)

@@ -9,7 +9,7 @@ It prints its port, and runs until it is interrupted; SIGUSR1 pulls out its cabl
 from __future__ import annotations
 
 from colony.drivers.create2.create2 import Create2
-from colony.drivers.create2.firmware import Firmware, World
+from colony.drivers.create2.firmware import Create2Firmware, EmulatedWorld
 from colony.drivers.emulator import Emulator, emulator_options, run_emulator
 
 
@@ -19,7 +19,7 @@ def main() -> None:
     options = emulator_options(
         prog, "Emulate a Create 2 on a pseudoterminal.", baud=Create2.baud
     ).parse_args()
-    robot = Firmware(World(range=options.room))
+    robot = Create2Firmware(EmulatedWorld(range=options.room))
     run_emulator(Emulator(robot, baud=options.baud, link=options.link))
 
 

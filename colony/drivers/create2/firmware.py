@@ -1,7 +1,7 @@
 """What runs in an emulated Create 2: modes, wheels, bumpers, cliffs, battery and the stream. Pure.
 
-Bytes go in and come out; time passes in steps of 5 ms. What is around the robot are functions of its
-`World`. It has no watchdog: a speed holds until another one, a safety event, or another mode. Its pose is
+Bytes go in and come out; time passes in steps of 5 ms. Functions of its `EmulatedWorld` say what surrounds
+the robot. It has no watchdog: a speed holds until another one, a safety event, or another mode. Its pose is
 in mm, x ahead at the start, y to the left, and degrees counterclockwise.
 """
 
@@ -21,9 +21,9 @@ from colony.drivers.create2.codec import (
     PACKETS,
     RED_BUOY,
     CommandReader,
-    Frame,
-    Mode,
+    OiMode,
     Opcode,
+    StreamFrame,
     data_of,
     encoded,
 )
@@ -53,7 +53,7 @@ def _floor(x: float, y: float) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class World:
+class EmulatedWorld:
     """What is around the robot.
 
     Attributes:
@@ -67,7 +67,7 @@ class World:
     dock: Pose | None = None
 
 
-class Firmware:
+class Create2Firmware:
     """The robot. Mutable.
 
     Attributes:
@@ -79,13 +79,13 @@ class Firmware:
         touched: whether something presses its bumper, besides what is around.
     """
 
-    def __init__(self, world: World | None = None) -> None:
-        self._world = world or World()
+    def __init__(self, world: EmulatedWorld | None = None) -> None:
+        self._world = world or EmulatedWorld()
         self._reader = CommandReader()
         self._out: list[bytes] = []
         self.pose = (0.0, 0.0, 0.0)
         self.wheels = (0.0, 0.0)
-        self.mode = Mode.OFF
+        self.mode = OiMode.OFF
         self.drops = (False, False)
         self.plugged = self.touched = False
         self._wanted = (0, 0)
@@ -102,8 +102,8 @@ class Firmware:
         for opcode, rest in self._reader.feed(data):
             self._idle_s = 0.0
             if opcode == Opcode.START:
-                self._enter(Mode.PASSIVE)
-            elif self.mode != Mode.OFF:
+                self._enter(OiMode.PASSIVE)
+            elif self.mode != OiMode.OFF:
                 self._obey(opcode, rest)
 
     def sent(self) -> list[bytes]:
@@ -111,24 +111,24 @@ class Firmware:
         out, self._out = self._out, []
         return out
 
-    def _enter(self, mode: Mode) -> None:
+    def _enter(self, mode: OiMode) -> None:
         self.mode = mode
-        if mode in (Mode.OFF, Mode.PASSIVE):
+        if mode in (OiMode.OFF, OiMode.PASSIVE):
             self._wanted = (0, 0)
-        if mode == Mode.OFF:
+        if mode == OiMode.OFF:
             self._streams = False
 
     def _obey(self, opcode: int, data: bytes) -> None:
-        drives = self.mode in (Mode.SAFE, Mode.FULL)
+        drives = self.mode in (OiMode.SAFE, OiMode.FULL)
         match opcode:
             case Opcode.SAFE | Opcode.CONTROL:
-                self._enter(Mode.SAFE)
+                self._enter(OiMode.SAFE)
             case Opcode.FULL:
-                self._enter(Mode.FULL)
+                self._enter(OiMode.FULL)
             case Opcode.POWER | Opcode.DOCK | Opcode.SPOT | Opcode.CLEAN | Opcode.MAX:
-                self._enter(Mode.PASSIVE)
+                self._enter(OiMode.PASSIVE)
             case Opcode.STOP | Opcode.RESET:
-                self._enter(Mode.OFF)
+                self._enter(OiMode.OFF)
             case Opcode.DRIVE_DIRECT if drives:
                 right, left = struct.unpack(">hh", data)
                 self._wanted = (_bounded(left), _bounded(right))
@@ -167,15 +167,15 @@ class Firmware:
         self._move()
         is_charging = self.plugged or self._is_docked()
         self._charge = min(FULL_MAH, max(0.0, self._charge + (0.4 if is_charging else -0.1) * STEP_S))
-        if self.mode == Mode.SAFE and self._is_unsafe():
-            self._enter(Mode.PASSIVE)
-        if self.mode == Mode.PASSIVE and self._idle_s > SLEEP_S and not is_charging:
-            self._enter(Mode.OFF)
+        if self.mode == OiMode.SAFE and self._is_unsafe():
+            self._enter(OiMode.PASSIVE)
+        if self.mode == OiMode.PASSIVE and self._idle_s > SLEEP_S and not is_charging:
+            self._enter(OiMode.OFF)
         self._stream_s += STEP_S
         if self._stream_s >= STREAM_S - 1e-9:
             self._stream_s = 0.0
             if self._streams:
-                self._out.append(encoded(Frame(self._ids, data_of(self._ids, self._values()))))
+                self._out.append(encoded(StreamFrame(self._ids, data_of(self._ids, self._values()))))
 
     def _is_unsafe(self) -> bool:
         """Whether a wheel hangs, the charger is plugged in, or a cliff is ahead of the motion."""

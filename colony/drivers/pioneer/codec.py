@@ -23,7 +23,7 @@ POSITIVE, NEGATIVE, STRING = 0x3B, 0x1B, 0x2B
 """Types of arguments: an integer, a negative one by its magnitude, a string behind its length."""
 
 
-class Command(IntEnum):
+class CommandNumber(IntEnum):
     """The numbers of commands. 0 to 2 mean SYNC0 to SYNC2 until the session is open."""
 
     PULSE = 0

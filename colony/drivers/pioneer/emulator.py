@@ -9,7 +9,7 @@ It prints its port, and runs until it is interrupted; SIGUSR1 pulls out its cabl
 from __future__ import annotations
 
 from colony.drivers.emulator import Emulator, emulator_options, run_emulator
-from colony.drivers.pioneer.firmware import Firmware
+from colony.drivers.pioneer.firmware import PioneerFirmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import BAUD
 
@@ -26,7 +26,7 @@ def main() -> None:
         help="the model: the name that the robot gives of itself (default: p3dx-sh)",
     )
     options = parser.parse_args()
-    robot = Firmware(MODELS[options.model], around=options.room)
+    robot = PioneerFirmware(MODELS[options.model], around=options.room)
     run_emulator(Emulator(robot, baud=options.baud, link=options.link))
 
 

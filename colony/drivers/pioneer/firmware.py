@@ -13,7 +13,7 @@ import math
 import struct
 
 from colony.drivers.emulator import STEP_S, Surroundings, moved, open_field
-from colony.drivers.pioneer.codec import Command, argument_of, decoder, encoded
+from colony.drivers.pioneer.codec import CommandNumber, argument_of, decoder, encoded
 from colony.drivers.pioneer.parameters import Parameters, SonarPose
 
 # --- motors -------------------------------------------------------------------------------------------
@@ -90,39 +90,39 @@ class Motors:
             origin: the heading that the robot calls 0.
         """
         match number:
-            case Command.VEL:
+            case CommandNumber.VEL:
                 self._translate(value)
-            case Command.RVEL | Command.ROTATE:
+            case CommandNumber.RVEL | CommandNumber.ROTATE:
                 self._rotate(value)
-            case Command.VEL2:
+            case CommandNumber.VEL2:
                 right, left = (WHEEL_UNIT * _signed_byte(value >> shift) for shift in (0, 8))
                 self._translate((left + right) / 2.0)
                 self._rotate(self._row.turn_rate(left, right))
-            case Command.MOVE:
+            case CommandNumber.MOVE:
                 self._translate(0.0, distance=float(value))
-            case Command.HEAD:
+            case CommandNumber.HEAD:
                 self._rotate(0.0, heading=origin + value)
-            case Command.DHEAD:
+            case CommandNumber.DHEAD:
                 self._rotate(0.0, heading=heading + value)
-            case Command.STOP | Command.ESTOP:
+            case CommandNumber.STOP | CommandNumber.ESTOP:
                 self.halt()
-                self.is_estopped = number == Command.ESTOP
+                self.is_estopped = number == CommandNumber.ESTOP
             case _:
                 self._set(number, value)
 
     def _set(self, number: int, value: int) -> None:
         match number:
-            case Command.SETV:
+            case CommandNumber.SETV:
                 self.max_speed = min(value, self._row.max_speed)
-            case Command.SETRV:
+            case CommandNumber.SETRV:
                 self.max_turn = min(value, self._row.max_turn)
-            case Command.SETA if value > 0:
+            case CommandNumber.SETA if value > 0:
                 self.acceleration = value
-            case Command.SETA:
+            case CommandNumber.SETA:
                 self.deceleration = -value
-            case Command.SETRA if value > 0:
+            case CommandNumber.SETRA if value > 0:
                 self.turn_acceleration = value
-            case Command.SETRA:
+            case CommandNumber.SETRA:
                 self.turn_deceleration = -value
             case _:
                 pass
@@ -208,7 +208,7 @@ TOUCH_MM = 8.0
 FULL_V, DRAIN_V_PER_S = 12.8, 0.0001
 
 
-class Firmware:
+class PioneerFirmware:
     """The robot. Mutable.
 
     Attributes:
@@ -267,7 +267,7 @@ class Firmware:
         return out
 
     def _greet(self, number: int) -> None:
-        if self._synced == 3 and number == Command.OPEN:
+        if self._synced == 3 and number == CommandNumber.OPEN:
             self.is_open = self._sonar_on = True  # its sonars fire from the beginning of a session
             self._origin = self.pose
         elif number == self._synced:
@@ -282,16 +282,16 @@ class Firmware:
     def _obey(self, number: int, argument: int | bytes | None) -> None:
         value = argument if isinstance(argument, int) else 0
         match number:
-            case Command.CLOSE:
+            case CommandNumber.CLOSE:
                 self._reset()
-            case Command.ENABLE:
+            case CommandNumber.ENABLE:
                 self.motors = value != 0 and not self.stop_button
                 self._motion.is_estopped = False
-            case Command.SETO:
+            case CommandNumber.SETO:
                 self._origin = self.pose
-            case Command.CONFIG:
+            case CommandNumber.CONFIG:
                 self._out.append(encoded(self._config()))
-            case Command.ENCODER:
+            case CommandNumber.ENCODER:
                 self._streams_encoders = value > 1
                 self._out.append(encoded(self._encoder_packet()))
             case _:
@@ -299,13 +299,13 @@ class Firmware:
 
     def _set(self, number: int, value: int) -> None:
         match number:
-            case Command.SONAR:
+            case CommandNumber.SONAR:
                 self._sonar_on = bool(value & 1)
-            case Command.SONAR_CYCLE:
+            case CommandNumber.SONAR_CYCLE:
                 self._cycle_of_sonars_s = min(120, max(2, value)) / 1000.0
-            case Command.BUMPSTALL:
+            case CommandNumber.BUMPSTALL:
                 self.bump_stall = value
-            case Command.JOYDRIVE:
+            case CommandNumber.JOYDRIVE:
                 self._joystick_drives = value == 1
             case _:
                 self._motion.obey(number, value, self.pose[2], self._origin[2])

@@ -23,14 +23,14 @@ from colony.drivers.dialect import (
     Readings,
     Send,
 )
-from colony.drivers.odometry import Pose, Registers
-from colony.drivers.pioneer.codec import Command, command, decoder
+from colony.drivers.odometry import OdometryPose, Registers
+from colony.drivers.pioneer.codec import CommandNumber, command, decoder
 from colony.drivers.pioneer.parameters import MODELS, Parameters, parameters_of
 from colony.drivers.pioneer.sip import (
     MOVING,
     STOPPED,
     ConfigSip,
-    Identity,
+    SipIdentity,
     StandardSip,
     mask_of,
     may_drive,
@@ -69,12 +69,12 @@ def handshake(model: str, baud: int, stop: bytes) -> Opening[bytes]:
     if (yield Ask(b"", is_standard, SETTLE_S)) is not None:
         config = yield from _configuration(stop)
         if config is None:
-            yield Send(command(Command.CLOSE), CLOSE_S)
+            yield Send(command(CommandNumber.CLOSE), CLOSE_S)
     if config is not None:
         _expect_model(config.identity, model)
     else:
         _expect_model((yield from _synchronized(baud)), model)
-        if (yield Ask(command(Command.OPEN), is_standard)) is None:
+        if (yield Ask(command(CommandNumber.OPEN), is_standard)) is None:
             raise OpeningError("the robot answers, but sends no state: switch it off and on")
         config = yield from _configuration()
     if config is not None and config.watchdog_ms == 0:
@@ -97,7 +97,7 @@ def is_standard(data: bytes) -> bool:
     return data[0] in (STOPPED, MOVING)
 
 
-def _synchronized(baud: int) -> Generator[Send | Ask[bytes], bytes | None, Identity]:
+def _synchronized(baud: int) -> Generator[Send | Ask[bytes], bytes | None, SipIdentity]:
     """Return the identity of the robot, after SYNC0, SYNC1 and SYNC2; a wrong answer begins again."""
     for _ in range(ATTEMPTS):
         for number in (0, 1, 2):
@@ -105,8 +105,8 @@ def _synchronized(baud: int) -> Generator[Send | Ask[bytes], bytes | None, Ident
             if answer is None or answer[0] != number:
                 break
         if answer is not None and is_standard(answer):  # an older session is open
-            yield Send(command(Command.CLOSE), CLOSE_S)
-        elif answer is not None and isinstance(identity := read_sip(answer), Identity):
+            yield Send(command(CommandNumber.CLOSE), CLOSE_S)
+        elif answer is not None and isinstance(identity := read_sip(answer), SipIdentity):
             return identity
     raise OpeningError(f"no Pioneer answers: is it switched on, its cable plugged in, its baud rate {baud}?")
 
@@ -116,7 +116,7 @@ def _configuration(before: bytes = b"") -> Generator[Send | Ask[bytes], bytes | 
 
     It is None if none comes: some robots send it with a wrong checksum.
     """
-    answer = yield Ask(before + command(Command.CONFIG, 1), lambda data: data[0] == CONFIG)
+    answer = yield Ask(before + command(CommandNumber.CONFIG, 1), lambda data: data[0] == CONFIG)
     config = None if answer is None else read_sip(answer)
     return config if isinstance(config, ConfigSip) else None
 
@@ -125,7 +125,7 @@ def _any(data: bytes) -> bool:
     return True
 
 
-def _expect_model(identity: Identity, model: str) -> None:
+def _expect_model(identity: SipIdentity, model: str) -> None:
     if identity.model.casefold() != model.casefold():
         known = " (no row of its model is known)" if parameters_of(identity.model) is None else ""
         raise OpeningError(
@@ -178,8 +178,8 @@ class Pioneer(Dialect[bytes]):
     """
 
     baud = BAUD
-    stop_bytes = command(Command.ESTOP) + command(Command.VEL, 0) + command(Command.RVEL, 0)
-    goodbye = command(Command.CLOSE)
+    stop_bytes = command(CommandNumber.ESTOP) + command(CommandNumber.VEL, 0) + command(CommandNumber.RVEL, 0)
+    goodbye = command(CommandNumber.CLOSE)
     handshake_first = True  # AMRISim takes whatever comes first for SYNC0, and never answers that
 
     def __init__(
@@ -201,15 +201,15 @@ class Pioneer(Dialect[bytes]):
             raise ValueError(f"sonars is {sonars}; a {self._row.model} has up to {own}")
         self._front = mask_of(self._row.front_bumpers if front_bumpers is None else front_bumpers)
         self._rear = mask_of(self._row.rear_bumpers if rear_bumpers is None else rear_bumpers)
-        self._settings = [command(Command.ENABLE, 1), command(Command.SONAR, 1)]
+        self._settings = [command(CommandNumber.ENABLE, 1), command(CommandNumber.SONAR, 1)]
         if acceleration:
-            self._settings += [command(Command.SETA, sign * acceleration) for sign in (1, -1)]
+            self._settings += [command(CommandNumber.SETA, sign * acceleration) for sign in (1, -1)]
         if turn_acceleration:
-            self._settings += [command(Command.SETRA, sign * turn_acceleration) for sign in (1, -1)]
+            self._settings += [command(CommandNumber.SETRA, sign * turn_acceleration) for sign in (1, -1)]
         if sonar_cycle:
-            self._settings.append(command(Command.SONAR_CYCLE, _cycle(sonar_cycle)))
+            self._settings.append(command(CommandNumber.SONAR_CYCLE, _cycle(sonar_cycle)))
         if joystick:
-            self._settings.append(command(Command.JOYDRIVE, 1))
+            self._settings.append(command(CommandNumber.JOYDRIVE, 1))
         self._bump_stall = b""
         self._frames_since_stall = 0
         self.rings = {"sonar": sonars or own}
@@ -220,7 +220,7 @@ class Pioneer(Dialect[bytes]):
         turn_bits = (self._row.turn_units - 1).bit_length()
         self._position = Registers(15, 15, max_rate=self.max_speed / self._row.distance)
         self._heading = Registers(turn_bits, max_rate=self.max_turn * self._row.turn_units / 360.0)
-        self._pose = Pose()
+        self._pose = OdometryPose()
 
     def decoder(self) -> Decoder[bytes]:
         """Return a decoder of the data of packets."""
@@ -255,13 +255,13 @@ class Pioneer(Dialect[bytes]):
         """Return both set points, each of which the robot keeps until another is sent."""
         if sideways:
             raise ValueError("a Pioneer does not drive sideways")
-        speeds = command(Command.VEL, round(velocity)) + command(Command.RVEL, round(turn))
+        speeds = command(CommandNumber.VEL, round(velocity)) + command(CommandNumber.RVEL, round(turn))
         return speeds + self._due_setting()
 
     def watch_bumpers(self, watched: bool) -> None:
         """Stall the robot where its front bumper meets something ahead, or its rear one behind, or not."""
         bumpers = bool(self._front) | bool(self._rear) << 1
-        self._bump_stall = command(Command.BUMPSTALL, bumpers if watched else 0)
+        self._bump_stall = command(CommandNumber.BUMPSTALL, bumpers if watched else 0)
         self._frames_since_stall = 0
 
     def _due_setting(self) -> bytes:

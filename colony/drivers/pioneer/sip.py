@@ -69,7 +69,7 @@ class EncoderSip:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Identity:
+class SipIdentity:
     """The identity of a robot: the answer to SYNC2."""
 
     name: str
@@ -91,7 +91,7 @@ class ConfigSip:
         front_bumpers, rear_bumpers: number of segments.
     """
 
-    identity: Identity
+    identity: SipIdentity
     serial: str
     max_turn: int
     max_speed: int
@@ -104,7 +104,7 @@ class ConfigSip:
     rear_bumpers: int
 
 
-Sip = StandardSip | EncoderSip | ConfigSip | Identity
+Sip = StandardSip | EncoderSip | ConfigSip | SipIdentity
 
 
 def read_sip(data: bytes) -> Sip | None:
@@ -119,7 +119,7 @@ def read_sip(data: bytes) -> Sip | None:
                 return _config(data)
             case 2:
                 name, type_, model = _Fields(data).texts(3)
-                return Identity(name=name, type=type_, model=model)
+                return SipIdentity(name=name, type=type_, model=model)
             case _:
                 return None
     except (struct.error, ValueError, IndexError):
@@ -188,7 +188,7 @@ def _config(data: bytes) -> ConfigSip:
     fields.numbers("BHHHH" + "HHHHHHH" + "HHHHH")  # stall, joystick, set maxima and gains
     front, rear = fields.numbers("BB")
     return ConfigSip(
-        identity=Identity(name=name, type=type_, model=model),
+        identity=SipIdentity(name=name, type=type_, model=model),
         serial=serial,
         max_turn=max_turn,
         max_speed=max_speed,

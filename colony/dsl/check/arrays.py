@@ -46,7 +46,7 @@ def is_angle(type_: Type) -> bool:
 # --- elements --------------------------------------------------------------------------------------
 
 
-def check_index(checker: Checker, node: ast.Index) -> ir.Expression | None:
+def check_index(checker: Checker, node: ast.IndexNode) -> ir.Expression | None:
     """Check `array[index]`, where the index is a whole number or an angle."""
     array, index = checker.array(node.array), checker.visit(node.index)
     if array is None or index is None:
@@ -67,7 +67,7 @@ def check_index(checker: Checker, node: ast.Index) -> ir.Expression | None:
 
 
 def _index_of_bearing(
-    checker: Checker, node: ast.Index, array: ir.Expression, angle: ir.Expression
+    checker: Checker, node: ast.IndexNode, array: ir.Expression, angle: ir.Expression
 ) -> ir.Expression | None:
     bearings = _bearings(checker, node.array, array)
     if bearings is None:
@@ -84,7 +84,7 @@ def _index_of_bearing(
 
 
 def _whole_index(
-    checker: Checker, node: ast.Index, type_: Array, index: ir.Expression
+    checker: Checker, node: ast.IndexNode, type_: Array, index: ir.Expression
 ) -> ir.Expression | None:
     value = constant_value(index)
     if value is None:
@@ -267,7 +267,7 @@ def _angle(checker: Checker, node: ast.Expression, what: str) -> float | None:
 
 def _note_plain(
     checker: Checker,
-    node: ast.Index | ast.SliceOf,
+    node: ast.IndexNode | ast.SliceOf,
     looks: str,
     bearing: str | None,
     is_inside: bool,
@@ -287,7 +287,7 @@ def _note_plain(
         checker.report.diagnostics.append(note("N002", span, message, hint))
         return
     message = f"`{_text(checker, node)}` wraps, and {looks}: a number without a unit is an index"
-    ends = (node.index,) if isinstance(node, ast.Index) else (node.first, node.last)
+    ends = (node.index,) if isinstance(node, ast.IndexNode) else (node.first, node.last)
     meant = " .. ".join(f"{_text(checker, end)} deg" for end in ends)
     hints = [f"`{array}[{meant}]` if that is an angle"] if is_angle_too else []
     hints += [] if bearing is None else [f"`{array}[{bearing}]`"]
@@ -390,7 +390,7 @@ def _array_rounds(checker: Checker, node: ast.ElementsComprehension) -> _Rounds 
     )
 
 
-def _unique(checker: Checker, name: ast.Name) -> str:
+def _unique(checker: Checker, name: ast.NameNode) -> str:
     """Return a name for a variable of a reduction that differs from all around it."""
     reject_reserved_name(checker.report, checker.scope, name)
     taken = checker.taken_names

@@ -49,14 +49,14 @@ FOREIGN_FUNCTIONS = {
 """Hints for functions that other languages have."""
 
 
-def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
+def check_call(checker: Checker, node: ast.CallNode) -> ir.Expression | None:
     """Check a call of a function of the language, but not a reduction over a variable."""
     name = node.function.text
     if name in _PURE:
         return _pure(checker, node, _PURE[name])
     if name in _MEMORY:
         return _memory(checker, node, _MEMORY[name])
-    special: dict[str, Callable[[Checker, ast.Call], ir.Expression | None]] = {
+    special: dict[str, Callable[[Checker, ast.CallNode], ir.Expression | None]] = {
         "window": _window,
         "fresh": _fresh,
         "value_or": _value_or,
@@ -65,7 +65,7 @@ def check_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
     return special[name](checker, node)
 
 
-def reject_named_arguments(checker: Checker, node: ast.Call) -> bool:
+def reject_named_arguments(checker: Checker, node: ast.CallNode) -> bool:
     """Report arguments by name, which functions of the language do not take."""
     if not node.named:
         return False
@@ -75,7 +75,9 @@ def reject_named_arguments(checker: Checker, node: ast.Call) -> bool:
     return True
 
 
-def _arguments(checker: Checker, node: ast.Call, low: int, high: int | None) -> list[ir.Expression] | None:
+def _arguments(
+    checker: Checker, node: ast.CallNode, low: int, high: int | None
+) -> list[ir.Expression] | None:
     """Return the typed arguments; None after reporting a wrong number of arguments or a wrong argument."""
     if not _has_arity(checker, node, low, high):
         return None
@@ -83,7 +85,7 @@ def _arguments(checker: Checker, node: ast.Call, low: int, high: int | None) -> 
     return None if any(a is None for a in arguments) else [a for a in arguments if a is not None]
 
 
-def _has_arity(checker: Checker, node: ast.Call, low: int, high: int | None) -> bool:
+def _has_arity(checker: Checker, node: ast.CallNode, low: int, high: int | None) -> bool:
     """Report a call that has not `low` to `high` (None: any more) arguments; return True if it has."""
     count = len(node.arguments)
     if count < low or (high is not None and count > high):
@@ -125,7 +127,7 @@ _ARITY = {
 }
 
 
-def _pure(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Expression | None:
+def _pure(checker: Checker, node: ast.CallNode, function: ir.Function) -> ir.Expression | None:
     if function in ir.REDUCTIONS:
         return _reduction(checker, node, function)
     if function in ir.INDEX_FUNCTIONS:
@@ -145,13 +147,13 @@ def _pure(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Express
     type_ = checker.broadcast(node, result, *(a.type for a in arguments))
     if type_ is None:
         return None
-    return ir.Call(type=type_, function=function, arguments=tuple(arguments), span=checker.span(node))
+    return ir.FunctionCall(type=type_, function=function, arguments=tuple(arguments), span=checker.span(node))
 
 
 def _report_type(
     checker: Checker,
     argument: ast.Expression,
-    node: ast.Call,
+    node: ast.CallNode,
     wanted: str,
     found: Scalar,
     hint: str | None = None,
@@ -172,7 +174,7 @@ def _swapped_variables(checker: Checker, argument: ast.Expression) -> str | None
 
 
 def _elementwise_result(
-    checker: Checker, node: ast.Call, function: ir.Function, elements: list[Quantity]
+    checker: Checker, node: ast.CallNode, function: ir.Function, elements: list[Quantity]
 ) -> Quantity | None:
     """Return the element type of an elementwise function after checking its dimensions."""
     match function:
@@ -211,12 +213,12 @@ def _common(
         return common
     shown = with_articles(elements)
     message = f"`{function}` needs numbers of one dimension, found {shown}"
-    arguments = node.arguments if isinstance(node, ast.Call) else ()
+    arguments = node.arguments if isinstance(node, ast.CallNode) else ()
     checker.error("E201", node, message, percent_hint(*zip(arguments, elements, strict=False)))
     return None
 
 
-def _square_root(checker: Checker, node: ast.Call, element: Quantity) -> Quantity | None:
+def _square_root(checker: Checker, node: ast.CallNode, element: Quantity) -> Quantity | None:
     if any(exponent % 2 for exponent in element.dimension):
         message = f"the square root of a value in {type_text(element)} has no unit"
         checker.error("E201", node, message, "take the root of a product such as `a * a`")
@@ -224,7 +226,7 @@ def _square_root(checker: Checker, node: ast.Call, element: Quantity) -> Quantit
     return Quantity(Dimension(*(exponent // 2 for exponent in element.dimension)), wildcard=element.wildcard)
 
 
-def _reduction(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Expression | None:
+def _reduction(checker: Checker, node: ast.CallNode, function: ir.Function) -> ir.Expression | None:
     arguments = _arguments(checker, node, 1, None)
     if arguments is None:
         return None
@@ -241,11 +243,13 @@ def _reduction(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Ex
     result = reduction_result(checker, node, node.function, function, elements)
     if result is None:
         return None
-    return ir.Call(type=result, function=function, arguments=tuple(arguments), span=checker.span(node))
+    return ir.FunctionCall(
+        type=result, function=function, arguments=tuple(arguments), span=checker.span(node)
+    )
 
 
 def reduction_result(
-    checker: Checker, node: ast.SyntaxNode, name: ast.Name, function: ir.Function, elements: list[Scalar]
+    checker: Checker, node: ast.SyntaxNode, name: ast.NameNode, function: ir.Function, elements: list[Scalar]
 ) -> Scalar | None:
     """Return the type of a reduction of these elements."""
     if function in _BOOL_REDUCTIONS:
@@ -264,7 +268,7 @@ def reduction_result(
     return _common(checker, node, name.text, numbers)
 
 
-def _index_of(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Expression | None:
+def _index_of(checker: Checker, node: ast.CallNode, function: ir.Function) -> ir.Expression | None:
     if not _has_arity(checker, node, 1, 1):
         return None
     array = checker.array(node.arguments[0])
@@ -277,18 +281,20 @@ def _index_of(checker: Checker, node: ast.Call, function: ir.Function) -> ir.Exp
         assert isinstance(array.type, Array)
         whole = tuple(range(array.type.size))  # a slice of all: its index is one of what the name stands for
         array = ir.Slice(type=array.type, array=array, indices=whole, span=array.span)
-    return ir.Call(type=DIMENSIONLESS, function=function, arguments=(array,), span=checker.span(node))
+    return ir.FunctionCall(type=DIMENSIONLESS, function=function, arguments=(array,), span=checker.span(node))
 
 
 def _is_part(node: ast.Expression) -> bool:
     """Return True for a slice or window as written; a parameter may stand for one."""
-    return isinstance(node, ast.SliceOf) or (isinstance(node, ast.Call) and node.function.text == "window")
+    return isinstance(node, ast.SliceOf) or (
+        isinstance(node, ast.CallNode) and node.function.text == "window"
+    )
 
 
 # --- window, fresh, value_or, now ------------------------------------------------------------------
 
 
-def _window(checker: Checker, node: ast.Call) -> ir.Expression | None:
+def _window(checker: Checker, node: ast.CallNode) -> ir.Expression | None:
     if not _has_arity(checker, node, 3, 3):
         return None
     array, center = checker.array(node.arguments[0]), checker.visit(node.arguments[1])
@@ -306,7 +312,7 @@ def _window(checker: Checker, node: ast.Call) -> ir.Expression | None:
     return ir.Window(type=type_, array=array, center=center, reach=reach, wraps=wraps, span=span)
 
 
-def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
+def _fresh(checker: Checker, node: ast.CallNode) -> ir.Expression | None:
     argument = node.arguments[0] if len(node.arguments) == 1 else None
     if not isinstance(argument, ast.Reference):
         checker.error(
@@ -350,7 +356,7 @@ def _fresh(checker: Checker, node: ast.Call) -> ir.Expression | None:
             return None
 
 
-def _value_or(checker: Checker, node: ast.Call) -> ir.Expression | None:
+def _value_or(checker: Checker, node: ast.CallNode) -> ir.Expression | None:
     arguments = _arguments(checker, node, 2, 2)
     if arguments is None:
         return None
@@ -367,7 +373,7 @@ def _value_or(checker: Checker, node: ast.Call) -> ir.Expression | None:
     return ir.ValueOr(type=type_, expression=expression, other=other, span=checker.span(node))
 
 
-def _now(checker: Checker, node: ast.Call) -> ir.Expression | None:
+def _now(checker: Checker, node: ast.CallNode) -> ir.Expression | None:
     if _arguments(checker, node, 0, 0) is None:
         return None
     return ir.Now(type=DURATION, span=checker.span(node))
@@ -390,7 +396,7 @@ _SIGNATURES: dict[ir.MemoryFunction, str] = {
 }
 
 
-def _memory(checker: Checker, node: ast.Call, function: ir.MemoryFunction) -> ir.Expression | None:
+def _memory(checker: Checker, node: ast.CallNode, function: ir.MemoryFunction) -> ir.Expression | None:
     if not checker.memory:
         hint = "memory functions are allowed in let, when, do, next, transitions, limits and contracts"
         checker.error("E209", node, f"`{function.value}` has memory and is not allowed here", hint)
@@ -432,7 +438,7 @@ def _memory(checker: Checker, node: ast.Call, function: ir.MemoryFunction) -> ir
 
 
 def _memory_result(
-    checker: Checker, node: ast.Call, function: ir.MemoryFunction, arguments: list[ir.Expression]
+    checker: Checker, node: ast.CallNode, function: ir.MemoryFunction, arguments: list[ir.Expression]
 ) -> Scalar | None:
     match function:
         case ir.MemoryFunction.PREVIOUS:

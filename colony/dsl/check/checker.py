@@ -23,8 +23,8 @@ from colony.dsl.check.compatibility import (
 from colony.dsl.check.scope import (
     ActuatorSymbol,
     BrokenSymbol,
-    Report,
-    Scope,
+    CheckReport,
+    FileScope,
     ValueSymbol,
     is_private,
     label,
@@ -75,8 +75,8 @@ class Checker(ABC):
         in_function: True in the body of a function that is declared, where parameters have no values.
     """
 
-    scope: Scope
-    report: Report
+    scope: FileScope
+    report: CheckReport
     local: Mapping[str, ValueSymbol] = field(default_factory=dict)
     in_contract_or_test: bool = False
     memory: bool = True
@@ -152,7 +152,7 @@ class Checker(ABC):
         sign, unsigned = 1.0, node
         while isinstance(unsigned, ast.Prefix) and unsigned.operator == "-":
             sign, unsigned = -sign, unsigned.operand
-        if isinstance(type_, Quantity) and isinstance(unsigned, ast.Number) and unsigned.unit is None:
+        if isinstance(type_, Quantity) and isinstance(unsigned, ast.NumberNode) and unsigned.unit is None:
             value = self.literal(unsigned, unit)
             return None if value is None else sign * value
         if isinstance(type_, Quantity) and not type_.wildcard:
@@ -175,7 +175,7 @@ class Checker(ABC):
         is_negative = (
             isinstance(node, ast.Prefix)
             and node.operator == "-"
-            and isinstance(node.operand, ast.Number)
+            and isinstance(node.operand, ast.NumberNode)
             and float(node.operand.digits) > 0.0
         )
         found = None if is_negative else self.constant(node, Quantity(TIME), what)
@@ -219,7 +219,7 @@ class Checker(ABC):
         """Return the span of a node in this scope's file."""
         return span_of(self.scope, node)
 
-    def literal(self, node: ast.Number, unit: str | None) -> float | None:
+    def literal(self, node: ast.NumberNode, unit: str | None) -> float | None:
         """Return the value of a number in base units, or None after reporting an error."""
         try:
             factor = unit_of(unit).factor if unit else Fraction(1)
@@ -267,7 +267,7 @@ def type_hint(node: ast.Expression, found: Type, expected: Type) -> str | None:
     sign, number = "", node
     if isinstance(node, ast.Prefix) and node.operator == "-":
         sign, number = "-", node.operand
-    if isinstance(number, ast.Number) and number.unit is None:
+    if isinstance(number, ast.NumberNode) and number.unit is None:
         return unit_hint(f"{sign}{number.digits}", expected)
     if found == DIMENSIONLESS:
         units = [f"`1 {unit}`" for unit in common_units(expected.dimension)]
@@ -296,7 +296,7 @@ def percent_hint(*parts: tuple[ast.Expression, Type]) -> str | None:
             sign, number = "", node
             if isinstance(node, ast.Prefix) and node.operator == "-":
                 sign, number = "-", node.operand
-            if not isinstance(number, ast.Number):
+            if not isinstance(number, ast.NumberNode):
                 return "write its numbers in percent, as in `20 percent`"
             digits = f"{sign}{short_number(number.digits)}"
             whole = f"{float(sign + number.digits) * 100:.15g}"
@@ -317,7 +317,7 @@ def unit_hint(number: str, expected: Quantity) -> str:
 _HINT = "a name that begins with `_` can be used only in its file"
 
 
-def reject_private_name(checker: Checker, node: ast.SyntaxNode, scope: Scope, name: str) -> bool:
+def reject_private_name(checker: Checker, node: ast.SyntaxNode, scope: FileScope, name: str) -> bool:
     """Report a name that is unknown in a scope because it belongs to another file; return True if so."""
     if not is_private(name) or (scope is checker.scope and scope.declares_private(name)):
         return False
@@ -328,7 +328,7 @@ def reject_private_name(checker: Checker, node: ast.SyntaxNode, scope: Scope, na
     return True
 
 
-def reject_private_member(checker: Checker, node: ast.SyntaxNode, home: Scope | None, name: str) -> bool:
+def reject_private_member(checker: Checker, node: ast.SyntaxNode, home: FileScope | None, name: str) -> bool:
     """Report a member, of a module whose text is in `home`, that belongs to another file."""
     if home is None or not is_private(name) or home.file.key == checker.scope.file.key:
         return False

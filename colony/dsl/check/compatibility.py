@@ -267,7 +267,7 @@ def freshness(expression: ir.Expression, span: Span) -> ir.Expression:
         return ir.Constant(type=BOOL, value=True, span=span)
     if len(parts) == 1:
         return parts[0]
-    return ir.Call(type=BOOL, function=ir.Function.ALL, arguments=tuple(parts), span=span)
+    return ir.FunctionCall(type=BOOL, function=ir.Function.ALL, arguments=tuple(parts), span=span)
 
 
 def reads_parts(expression: ir.Expression) -> bool:

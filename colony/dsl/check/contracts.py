@@ -114,7 +114,7 @@ def frames_are_regular(robot: ir.Robot, new_cell: Callable[[], int]) -> ir.Contr
 
 def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:
     """Check a test; its times must strictly increase."""
-    steps: list[ir.Step] = []
+    steps: list[ir.ExampleStep] = []
     last_ns = -1
     frames = 0
     for step in node.steps:
@@ -135,7 +135,7 @@ def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:
             checker.error("E602", step.first, "the times of a test must strictly increase", hint)
         last_ns = max(last_ns, times[-1])
         steps.append(
-            ir.Step(
+            ir.ExampleStep(
                 times_ns=times,
                 given=tuple(given),
                 expectations=tuple(e for e in expectations if e is not None),
@@ -178,7 +178,7 @@ def _given_restarted(checker: Checker, node: ast.GivenDecl, *, is_first: bool) -
     return bool(checker.constant_in(node.value, BOOL, "", "the value given to `restarted`"))
 
 
-def _given(checker: Checker, node: ast.GivenDecl) -> list[ir.Given]:
+def _given(checker: Checker, node: ast.GivenDecl) -> list[ir.GivenReading]:
     """Check `sensor = value`, `sensor[index] = value` or `sensor = missing`, with or without its age."""
     if node.sensor.path[0] == ir.SENT:
         sent = sent_field(checker, node.sensor)
@@ -202,7 +202,7 @@ def _renamed_sensor(checker: Checker, node: ast.Reference) -> ValueSymbol | None
     return robot.values.get(robot.renamed.get(symbol.name, "")) if isinstance(symbol, LetSymbol) else None
 
 
-def _given_to(checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor) -> list[ir.Given]:
+def _given_to(checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor) -> list[ir.GivenReading]:
     """Check the value, and the age, that a step gives to a sensor or to some of its elements."""
     indices: tuple[int | None, ...] = (None,)
     if node.index is not None:
@@ -238,7 +238,7 @@ def _indices(
         return found.indices if isinstance(found, Slice) else None
     if checker.constant(index, None, "the index") is None:
         return None
-    element = checker.visit(ast.Index(array=node.sensor, index=index, start=start, end=end))
+    element = checker.visit(ast.IndexNode(array=node.sensor, index=index, start=start, end=end))
     if not isinstance(element, Element):
         return None
     value = constant_value(element.index)
@@ -246,7 +246,9 @@ def _indices(
     return (round(value) % sensor.type.size,)
 
 
-def _given_value(checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor, size: int) -> ir.Given | None:
+def _given_value(
+    checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor, size: int
+) -> ir.GivenReading | None:
     """Return the value that a step gives; `size` is the number of elements, if it gives some of them."""
     span = checker.span(node)
     if isinstance(node.value, ast.Missing):
@@ -254,11 +256,11 @@ def _given_value(checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor, size:
             hint = f"write `{sensor.name} = missing`"
             checker.error("E603", node, "one element cannot be missing, only the whole sensor", hint)
             return None
-        return ir.Given(sensor=sensor.name, index=None, value=None, span=span)
+        return ir.GivenReading(sensor=sensor.name, index=None, value=None, span=span)
     if isinstance(node.value, ast.Elements):
         return _given_elements(checker, node, node.value, sensor, size)
     value = _constant(checker, sensor, node.value)
-    return None if value is None else ir.Given(sensor=sensor.name, index=None, value=value, span=span)
+    return None if value is None else ir.GivenReading(sensor=sensor.name, index=None, value=value, span=span)
 
 
 def _age_ns(checker: Checker, node: ast.Expression, sensor: ir.Sensor, is_missing: bool) -> int | None:
@@ -278,7 +280,7 @@ def _age_ns(checker: Checker, node: ast.Expression, sensor: ir.Sensor, is_missin
 
 def _given_elements(
     checker: Checker, node: ast.GivenDecl, elements: ast.Elements, sensor: ir.Sensor, size: int
-) -> ir.Given | None:
+) -> ir.GivenReading | None:
     values = [_constant(checker, sensor, v) for v in elements.values]
     if not isinstance(sensor.type, Array) or (node.index is not None and node.last is None):
         checker.error("E603", elements, f"found a list of elements, expected one value for `{sensor.name}`")
@@ -292,7 +294,7 @@ def _given_elements(
     valid = tuple(v for v in values if v is not None)
     if len(valid) < len(values):
         return None
-    return ir.Given(sensor=sensor.name, index=None, value=valid, span=checker.span(node))
+    return ir.GivenReading(sensor=sensor.name, index=None, value=valid, span=checker.span(node))
 
 
 def _constant(checker: Checker, sensor: ir.Sensor, node: ast.Expression) -> ScalarValue | None:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 from colony.dsl import ast
-from colony.dsl.check.scope import ModuleSymbol, Report, Scope, WireSymbol, is_private, label
+from colony.dsl.check.scope import CheckReport, FileScope, ModuleSymbol, WireSymbol, is_private, label
 from colony.ir.program import SENT
 
 # --- reserved -----------------------------------------------------------------------------------------
@@ -23,13 +23,13 @@ RESERVED_NAMES = {
 """The reserved names, each with its meaning."""
 
 
-def reject_reserved_names(report: Report, scope: Scope) -> None:
+def reject_reserved_names(report: CheckReport, scope: FileScope) -> None:
     """Report each declaration of a file that has a reserved name."""
     for name in _declared_names(scope):
         reject_reserved_name(report, scope, name)
 
 
-def reject_reserved_name(report: Report, scope: Scope, name: ast.Name) -> None:
+def reject_reserved_name(report: CheckReport, scope: FileScope, name: ast.NameNode) -> None:
     """Report a name that is reserved."""
     meaning = RESERVED_NAMES.get(name.text)
     if meaning is not None:
@@ -37,7 +37,7 @@ def reject_reserved_name(report: Report, scope: Scope, name: ast.Name) -> None:
         report.error(scope, "E109", name, message, "choose another name")
 
 
-def _declared_names(scope: Scope) -> Iterator[ast.Name]:
+def _declared_names(scope: FileScope) -> Iterator[ast.NameNode]:
     """Yield the names of values, parts and aliases that a file declares."""
     for node in scope.file.tree.declarations:
         match node:
@@ -45,7 +45,7 @@ def _declared_names(scope: Scope) -> Iterator[ast.Name]:
                 yield from (item.name for item in items if not isinstance(item, ast.FrameDecl))
             case ast.NetworkDecl(wires=wires):
                 yield from (wire.name for wire in wires)
-            case ast.ImportDecl(alias=ast.Name() as alias):
+            case ast.ImportDecl(alias=ast.NameNode() as alias):
                 yield alias
             case ast.ModuleDecl(clauses=clauses) | ast.PythonModuleDecl(clauses=clauses):
                 yield node.name
@@ -82,7 +82,7 @@ VALUE_DECLARATIONS = (
 MODULE_DECLARATIONS = (ast.ModuleDecl, ast.DerivedModuleDecl, ast.PythonModuleDecl)
 
 
-def declare_names(report: Report, scopes: list[Scope]) -> None:
+def declare_names(report: CheckReport, scopes: list[FileScope]) -> None:
     """Fill in the visible names of every scope; report names declared twice, in a file or by an import."""
     sensors, actuators = _robot_names(scopes)
     _name_private(scopes)
@@ -102,7 +102,7 @@ def declare_names(report: Report, scopes: list[Scope]) -> None:
                 _import_names(report, scope, target, import_.declaration)
 
 
-def _robot_names(scopes: list[Scope]) -> tuple[set[str], set[str]]:
+def _robot_names(scopes: list[FileScope]) -> tuple[set[str], set[str]]:
     """Return the names of all sensors and actuators that the program declares, even if invalid."""
     sensors: set[str] = set()
     actuators: set[str] = set()
@@ -117,11 +117,11 @@ def _robot_names(scopes: list[Scope]) -> tuple[set[str], set[str]]:
     return sensors, actuators
 
 
-def _declare(report: Report, scope: Scope) -> None:
+def _declare(report: CheckReport, scope: FileScope) -> None:
     """Declare the names of a file; values get their symbols later, when they are checked."""
     sensors, actuators = scope.robot.sensor_names, scope.robot.actuator_names
-    values: dict[str, ast.Name] = {}
-    network_names: dict[str, ast.Name] = {}
+    values: dict[str, ast.NameNode] = {}
+    network_names: dict[str, ast.NameNode] = {}
     for node in scope.file.tree.declarations:
         if isinstance(node, VALUE_DECLARATIONS):
             if node.name.text in sensors:
@@ -147,7 +147,11 @@ def _declare(report: Report, scope: Scope) -> None:
 
 
 def _declare_wire(
-    report: Report, scope: Scope, name: ast.Name, network_names: dict[str, ast.Name], actuators: set[str]
+    report: CheckReport,
+    scope: FileScope,
+    name: ast.NameNode,
+    network_names: dict[str, ast.NameNode],
+    actuators: set[str],
 ) -> None:
     if name.text in actuators:
         if name.text in network_names:
@@ -160,7 +164,7 @@ def _declare_wire(
         scope.visible_network_symbols[name.text] = scope
 
 
-def _name_private(scopes: list[Scope]) -> None:
+def _name_private(scopes: list[FileScope]) -> None:
     """Give the private names of each file full names; those of several files may be spelled alike."""
     taken: set[str] = set()
     for scope in reversed(scopes):  # importing files take short names first
@@ -180,7 +184,7 @@ def _identifier(stem: str) -> str:
     return written if written[:1].isidentifier() else f"_{written}"
 
 
-def _own_names(scope: Scope) -> Iterator[str]:
+def _own_names(scope: FileScope) -> Iterator[str]:
     """Yield the names of values, parts, contracts and aliases that a file declares."""
     for node in scope.file.tree.declarations:
         if isinstance(node, ast.NetworkDecl):
@@ -191,7 +195,7 @@ def _own_names(scope: Scope) -> Iterator[str]:
             yield node.name.text
 
 
-def _name_actuator_wires(scopes: list[Scope]) -> None:
+def _name_actuator_wires(scopes: list[FileScope]) -> None:
     """Name the wire of each actuator after the actuator.
 
     In files that are imported without an alias, it may need a longer name.
@@ -208,7 +212,7 @@ def _name_actuator_wires(scopes: list[Scope]) -> None:
             scope.actuator_wires[actuator] = WireSymbol(name=name)
 
 
-def _allow_unknown_names(scope: Scope, node: ast.ImportDecl | ast.RobotImportDecl) -> None:
+def _allow_unknown_names(scope: FileScope, node: ast.ImportDecl | ast.RobotImportDecl) -> None:
     """Suppress errors about names that the unreadable imported file may declare."""
     if node.alias is None:
         scope.incomplete = True
@@ -216,7 +220,9 @@ def _allow_unknown_names(scope: Scope, node: ast.ImportDecl | ast.RobotImportDec
         scope.lost_names.add(node.alias.text)
 
 
-def _declare_once(report: Report, scope: Scope, names: dict[str, ast.Name], name: ast.Name) -> bool:
+def _declare_once(
+    report: CheckReport, scope: FileScope, names: dict[str, ast.NameNode], name: ast.NameNode
+) -> bool:
     first = names.get(name.text)
     if first is None:
         names[name.text] = name
@@ -226,7 +232,7 @@ def _declare_once(report: Report, scope: Scope, names: dict[str, ast.Name], name
 
 
 def _import_names(
-    report: Report, scope: Scope, target: Scope, node: ast.ImportDecl | ast.RobotImportDecl
+    report: CheckReport, scope: FileScope, target: FileScope, node: ast.ImportDecl | ast.RobotImportDecl
 ) -> None:
     """Import all names of a file, under its alias if the import has one."""
     alias = node.alias

@@ -44,7 +44,7 @@ class ExpressionChecker(Checker):
     def _boolean(self, node: ast.Boolean) -> ir.Expression:
         return ir.Constant(type=BOOL, value=node.value, span=self.span(node))
 
-    def _number(self, node: ast.Number) -> ir.Expression | None:
+    def _number(self, node: ast.NumberNode) -> ir.Expression | None:
         value = self.literal(node, node.unit)
         if value is None:
             return None
@@ -124,16 +124,16 @@ class ExpressionChecker(Checker):
 
 
 _CHECKS: dict[type[ast.SyntaxNode], Callable[[ExpressionChecker, Any], ir.Expression | None]] = {
-    ast.Number: ExpressionChecker._number,
+    ast.NumberNode: ExpressionChecker._number,
     ast.Boolean: ExpressionChecker._boolean,
     ast.Reference: resolve_reference,
     ast.Prefix: ExpressionChecker._prefix,
     ast.Infix: ExpressionChecker._infix,
     ast.If: ExpressionChecker._if,
     ast.InRange: ExpressionChecker._in_range,
-    ast.Index: check_index,
+    ast.IndexNode: check_index,
     ast.SliceOf: check_slice,
-    ast.Call: check_any_call,
+    ast.CallNode: check_any_call,
     ast.Comprehension: check_comprehension,
     ast.ElementsComprehension: check_comprehension,
     ast.By: resolve_winner,
@@ -187,7 +187,7 @@ def _infix_hint(node: ast.Infix, operator: ir.Binary, left: Type, right: Type) -
         and operator not in _BOOLEAN
     ):
         plain, unit = (node.left, b) if a == DIMENSIONLESS else (node.right, a)
-        if isinstance(plain, ast.Number):
+        if isinstance(plain, ast.NumberNode):
             return unit_hint(plain.digits, unit)
         units = listed([f"`1 {name}`" for name in common_units(unit.dimension)], "or")
         return f"give it a unit, times {units}; or divide the other: `x / 1 {unit}` is a plain number"

@@ -27,13 +27,13 @@ from colony.dsl.check.scope import (
     MAX_NODES,
     ArgumentSymbol,
     BrokenSymbol,
+    CheckReport,
     EnumSymbol,
     Excess,
+    FileScope,
     FunctionSymbol,
     ParamSymbol,
     PlaceholderSymbol,
-    Report,
-    Scope,
     TypedParameter,
     ValueSymbol,
     span_of,
@@ -47,7 +47,7 @@ _CALLS_SHOWN = 10
 """Maximum number of calls shown with an error in the body of a function."""
 
 
-def check_any_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
+def check_any_call(checker: Checker, node: ast.CallNode) -> ir.Expression | None:
     """Check a call of a function of the language, or of one that is declared."""
     name = node.function.text
     if name in FUNCTION_NAMES:
@@ -70,7 +70,7 @@ def check_any_call(checker: Checker, node: ast.Call) -> ir.Expression | None:
     return _inlined(checker, node, symbol, arguments)
 
 
-def _function_called(checker: Checker, node: ast.Call) -> FunctionSymbol | BrokenSymbol | None:
+def _function_called(checker: Checker, node: ast.CallNode) -> FunctionSymbol | BrokenSymbol | None:
     """Return the function that a call names, or None after reporting an error."""
     name, path = node.function, tuple(node.function.text.split("."))
     symbol: ValueSymbol | None = None
@@ -96,7 +96,7 @@ def _function_called(checker: Checker, node: ast.Call) -> FunctionSymbol | Broke
     return None
 
 
-def _report_unknown(checker: Checker, name: ast.Name, scope: Scope, rest: tuple[str, ...]) -> None:
+def _report_unknown(checker: Checker, name: ast.NameNode, scope: FileScope, rest: tuple[str, ...]) -> None:
     part = scope.network_symbol(rest[0])
     if isinstance(part, BrokenSymbol) or reject_private_name(checker, name, scope, rest[0]):
         return
@@ -151,7 +151,7 @@ def declare_function(
 
 
 def _parameters(checker: Checker, node: ast.FunctionDecl) -> tuple[TypedParameter, ...] | None:
-    names: dict[str, ast.Name] = {}
+    names: dict[str, ast.NameNode] = {}
     parameters: list[TypedParameter] = []
     for parameter in node.parameters:
         first = names.setdefault(parameter.name.text, parameter.name)
@@ -166,7 +166,7 @@ def _parameters(checker: Checker, node: ast.FunctionDecl) -> tuple[TypedParamete
     return tuple(parameters) if len(parameters) == len(node.parameters) else None
 
 
-def _default(checker: Checker, node: ast.Parameter, typed: TypedParameter) -> ir.Constant | None:
+def _default(checker: Checker, node: ast.ParameterNode, typed: TypedParameter) -> ir.Constant | None:
     """Return the default of a parameter, or None after reporting an error."""
     assert node.initial is not None
     if typed.is_array:
@@ -185,7 +185,7 @@ def _placeholders(parameters: tuple[TypedParameter, ...]) -> dict[str, ValueSymb
 
 
 def _arguments(
-    checker: Checker, node: ast.Call, function: FunctionSymbol
+    checker: Checker, node: ast.CallNode, function: FunctionSymbol
 ) -> dict[str, ArgumentSymbol] | None:
     """Check the arguments of a call; return them by the names of the parameters."""
     given = _given(checker, node, function)
@@ -204,7 +204,7 @@ def _arguments(
     return arguments if len(arguments) == len(function.parameters) else None
 
 
-def _given(checker: Checker, node: ast.Call, function: FunctionSymbol) -> dict[str, ast.Expression]:
+def _given(checker: Checker, node: ast.CallNode, function: FunctionSymbol) -> dict[str, ast.Expression]:
     """Return the arguments as written, by the names of the parameters, and report wrong ones."""
     names = [p.name for p in function.parameters]
     needed = [p.name for p in function.parameters if p.default is None]
@@ -244,7 +244,7 @@ def _usage(name: str, function: FunctionSymbol) -> str:
 
 
 def _fits(
-    checker: Checker, node: ast.Call, value: ast.Expression, parameter: TypedParameter, found: Type
+    checker: Checker, node: ast.CallNode, value: ast.Expression, parameter: TypedParameter, found: Type
 ) -> bool:
     """Report an argument whose type is not that of its parameter."""
     if takes(parameter, found):
@@ -256,7 +256,7 @@ def _fits(
 
 
 def _inlined(
-    checker: Checker, node: ast.Call, function: FunctionSymbol, arguments: dict[str, ArgumentSymbol]
+    checker: Checker, node: ast.CallNode, function: FunctionSymbol, arguments: dict[str, ArgumentSymbol]
 ) -> ir.Expression | None:
     """Return the body of a function with these arguments, or None after reporting an error."""
     size, is_outermost = checker.report.size, not checker.in_call
@@ -291,7 +291,7 @@ def _body_checker(
     )
 
 
-def _show_call(report: Report, before: int, call: Label) -> None:
+def _show_call(report: CheckReport, before: int, call: Label) -> None:
     """Add the call to the errors that were found in its body, and drop those that are known already."""
     found = report.diagnostics[before:]
     if found:
@@ -308,7 +308,7 @@ def _identity(d: Diagnostic) -> tuple[object, ...]:
     return id(d.span.source), d.span.start, d.code, d.message
 
 
-def _report_excess(checker: Checker, node: ast.Call, excess: Excess | None) -> None:
+def _report_excess(checker: Checker, node: ast.CallNode, excess: Excess | None) -> None:
     """Report the limit that an outermost call exceeds, if any."""
     match excess:
         case Excess.DEPTH:

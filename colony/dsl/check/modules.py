@@ -10,18 +10,27 @@ from typing import TypeVar
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker, reject_private_member, type_hint
 from colony.dsl.check.compatibility import fits, with_article
-from colony.dsl.check.derived import check_let, check_nexts, check_param, check_state, let_symbol
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.functions import declare_function
-from colony.dsl.check.inputs import Binding, Inputs, check_inputs, input_readings
+from colony.dsl.check.inputs import (
+    InputBinding,
+    Inputs,
+    check_inputs,
+    check_let,
+    check_nexts,
+    check_param,
+    check_state,
+    input_readings,
+    let_symbol,
+)
 from colony.dsl.check.references import actuator_named, resolve_network_symbol, resolve_reference
 from colony.dsl.check.robot import command_arguments
 from colony.dsl.check.scope import (
     BrokenSymbol,
+    CheckReport,
+    FileScope,
     ModuleSymbol,
     ParamSymbol,
-    Report,
-    Scope,
     StateSymbol,
     ValueSymbol,
     label,
@@ -52,9 +61,9 @@ class Template(Record):
     owner: str
     node: ast.ModuleDecl | ast.PythonModuleDecl
     failsafe: bool
-    scope: Scope
+    scope: FileScope
     params: Mapping[str, ParamSymbol]
-    inputs: Mapping[str, Binding]
+    inputs: Mapping[str, InputBinding]
     is_valid: bool = True
 
 
@@ -84,7 +93,7 @@ class PendingModule(Record):
     """A module declaration that is still to be checked, with the scope of its file."""
 
     node: ModuleNode
-    scope: Scope
+    scope: FileScope
 
     @property
     def full_name(self) -> str:
@@ -92,7 +101,7 @@ class PendingModule(Record):
         return self.scope.full_name(self.node.name.text)
 
 
-def check_modules(report: Report, declared: list[PendingModule]) -> CheckedModules:
+def check_modules(report: CheckReport, declared: list[PendingModule]) -> CheckedModules:
     """Check all modules of a program, in order, and store their symbols in the scopes of their files.
 
     Each scope already holds a placeholder symbol for each of its modules, with its full name.
@@ -143,7 +152,7 @@ def _derivation(node: ModuleNode) -> str | None:
 
 
 def _template(
-    report: Report,
+    report: CheckReport,
     pending: PendingModule,
     by_name: Mapping[str, PendingModule],
     templates: dict[str, Template | None],
@@ -188,7 +197,7 @@ def _template(
 
 
 def _base(
-    report: Report, pending: PendingModule, by_name: Mapping[str, PendingModule], quiet: bool = False
+    report: CheckReport, pending: PendingModule, by_name: Mapping[str, PendingModule], quiet: bool = False
 ) -> PendingModule | None:
     """Return the declaration that a derived module names as its base."""
     assert isinstance(pending.node, ast.DerivedModuleDecl)
@@ -205,12 +214,14 @@ def _base(
     return None
 
 
-def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl, base: Template) -> Template:
+def _derive(
+    report: CheckReport, pending: PendingModule, node: ast.DerivedModuleDecl, base: Template
+) -> Template:
     checker = ExpressionChecker(scope=pending.scope, report=report)
     known = [c.name.text for c in base.node.clauses if isinstance(c, ast.ParamDecl)]
     known_inputs = [c.name.text for c in base.node.clauses if isinstance(c, ast.InputDecl)]
     declared: dict[str, ValueSymbol] = {}
-    quiet = ExpressionChecker(scope=base.scope, report=Report(), local=declared)
+    quiet = ExpressionChecker(scope=base.scope, report=CheckReport(), local=declared)
     _params(quiet, base, declared)
     params, inputs = dict(base.params), dict(base.inputs)
     given: set[str] = set()
@@ -229,7 +240,7 @@ def _derive(report: Report, pending: PendingModule, node: ast.DerivedModuleDecl,
             checker.error("E404", argument.name, f"{what} twice")
         given.add(name)
         if name in known_inputs:
-            inputs[name] = Binding(name=argument.name, value=argument.value, scope=pending.scope)
+            inputs[name] = InputBinding(name=argument.name, value=argument.value, scope=pending.scope)
             continue
         param = declared.get(name)
         found = checker.constant(argument.value, None, f"param `{name}`", _computed_param(name, param))
@@ -260,7 +271,7 @@ def _computed_param(name: str, param: ValueSymbol | None) -> str | None:
 
 
 def _report_unknown_argument(
-    checker: Checker, node: ast.DerivedModuleDecl, name: ast.Name, params: list[str], inputs: list[str]
+    checker: Checker, node: ast.DerivedModuleDecl, name: ast.NameNode, params: list[str], inputs: list[str]
 ) -> None:
     shown = [f"its {kind} are {', '.join(names)}" for kind, names in _kinds(params, inputs) if names]
     similar = checker.report.suggest(name.text, [*params, *inputs])
@@ -276,7 +287,7 @@ def _kinds(params: list[str], inputs: list[str]) -> tuple[tuple[str, list[str]],
 # --- instances -------------------------------------------------------------------------------------
 
 
-def _instance(report: Report, pending: PendingModule, template: Template) -> Instance:
+def _instance(report: CheckReport, pending: PendingModule, template: Template) -> Instance:
     """Return the module; the body of a template is checked, too."""
     derived = isinstance(pending.node, ast.DerivedModuleDecl)
     local: dict[str, ValueSymbol] = {}
@@ -312,7 +323,7 @@ def _stand_in(pending: PendingModule) -> ir.Module:
     return ir.Module(name=pending.full_name, span=span, when=Constant(type=BOOL, value=True))
 
 
-def _report_misfits(report: Report, pending: PendingModule, derived_report: Report) -> None:
+def _report_misfits(report: CheckReport, pending: PendingModule, derived_report: CheckReport) -> None:
     """Report errors in the text of the base module that these params and inputs cause."""
     errors = [d for d in derived_report.diagnostics if d.severity == "error"]
     known = {_identity(d) for d in report.diagnostics} if errors else set()
@@ -372,7 +383,7 @@ def _module(
 
 
 def _report_duplicates(checker: Checker, clauses: tuple[ast.Clause | ast.PythonClause, ...]) -> None:
-    names: dict[str, ast.Name] = {}
+    names: dict[str, ast.NameNode] = {}
     for clause in clauses:
         if isinstance(clause, _DECLARING):
             first = names.setdefault(clause.name.text, clause.name)
@@ -413,7 +424,7 @@ def _states(
     return states
 
 
-def _command(checker: Checker, node: ast.DoDecl) -> ir.Command | None:
+def _command(checker: Checker, node: ast.DoDecl) -> ir.TransferFunction | None:
     """Check the command, and return its fields in the order of the actuator's."""
     actuator = actuator_named(checker, node.actuator)
     if actuator is None:
@@ -430,7 +441,11 @@ def _command(checker: Checker, node: ast.DoDecl) -> ir.Command | None:
             fields += [found] if found else []
         elif field.default is not None:
             fields.append(Constant(type=field.type, value=field.default, span=checker.span(node)))
-    return ir.Command(actuator=actuator.name, fields=tuple(fields)) if len(fields) == len(names) else None
+    return (
+        ir.TransferFunction(actuator=actuator.name, fields=tuple(fields))
+        if len(fields) == len(names)
+        else None
+    )
 
 
 # --- Python modules --------------------------------------------------------------------------------

@@ -30,7 +30,7 @@ def phase_findings(checker: Checker, node: ast.MachineDecl, machine: Machine) ->
             yield note("W011", checker.span(phase), message, hint)
 
 
-def _phases(node: ast.MachineDecl) -> tuple[ast.Name, ...]:
+def _phases(node: ast.MachineDecl) -> tuple[ast.NameNode, ...]:
     """Return the first mention of each phase, in the order written."""
     phases = {node.initial.text: node.initial}
     for transition in node.transitions:

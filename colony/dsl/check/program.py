@@ -15,7 +15,9 @@ from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.contracts import check_contract, check_limit, check_test, frames_are_regular
 from colony.dsl.check.declare import MODULE_DECLARATIONS, declare_names
-from colony.dsl.check.derived import (
+from colony.dsl.check.expressions import ExpressionChecker
+from colony.dsl.check.functions import declare_function
+from colony.dsl.check.inputs import (
     check_let,
     check_machine,
     check_nexts,
@@ -25,22 +27,20 @@ from colony.dsl.check.derived import (
     machine_type,
     note_sensor_name,
 )
-from colony.dsl.check.expressions import ExpressionChecker
-from colony.dsl.check.functions import declare_function
 from colony.dsl.check.modules import PendingModule, check_modules
 from colony.dsl.check.phases import phase_findings
 from colony.dsl.check.robot import check_enum, check_robot, literal_frame_period
 from colony.dsl.check.scope import (
     BrokenSymbol,
+    CheckReport,
     EnumSymbol,
+    FileScope,
     MachineSymbol,
-    Report,
     RobotScope,
-    Scope,
     StateSymbol,
     WireSymbol,
 )
-from colony.dsl.check.site_names import bind_params
+from colony.dsl.check.site_values import bind_params
 from colony.dsl.check.wiring import PendingWire, check_outputs, check_wires, names_reaching_actuators
 from colony.dsl.files import SourceTree
 from colony.dsl.site import SiteParams
@@ -58,7 +58,7 @@ def check_program(
 
     The values of `params` stand in for those in the text.
     """
-    report = Report(diagnostics=[*tree.diagnostics, *([] if params is None else params.diagnostics)])
+    report = CheckReport(diagnostics=[*tree.diagnostics, *([] if params is None else params.diagnostics)])
     is_readable = bool(tree.files) and not any(d.code == "E008" for d in tree.diagnostics)
     program = _Check(tree, report, params).run() if is_readable else None
     diagnostics = in_order(report.diagnostics)
@@ -68,10 +68,10 @@ def check_program(
 class _Check:
     """A check of one program in progress."""
 
-    def __init__(self, tree: SourceTree, report: Report, params: SiteParams | None) -> None:
+    def __init__(self, tree: SourceTree, report: CheckReport, params: SiteParams | None) -> None:
         self.report = report
         self.robot = RobotScope()
-        self.scopes = [Scope(file=f, robot=self.robot) for f in tree.files]
+        self.scopes = [FileScope(file=f, robot=self.robot) for f in tree.files]
         self.root = self.scopes[-1]
         declare_names(report, self.scopes)
         self.site = None if params is None else bind_params(report, self.scopes, params)
@@ -145,7 +145,7 @@ class _Check:
         if not found:
             self.robot.absent = True
             if not any(d.code in _UNREADABLE_CODES for d in self.report.diagnostics):
-                start = ast.Name(text="", start=0, end=0)
+                start = ast.NameNode(text="", start=0, end=0)
                 hint = 'write `import robot`, or import a file that declares one: `import "rome"`'
                 self.report.error(self.root, "E301", start, "the program has no robot", hint)
             return None
@@ -175,7 +175,7 @@ class _Check:
             derived += self._lets(scope)
         return derived + self._states(initial) + self._machines()
 
-    def _lets(self, scope: Scope) -> Iterator[ir.Let]:
+    def _lets(self, scope: FileScope) -> Iterator[ir.Let]:
         """Check the lets and functions of a file, each of which may use those above it."""
         checker = ExpressionChecker(scope=scope, report=self.report)
         for node in scope.file.tree.declarations:

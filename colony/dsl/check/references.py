@@ -22,6 +22,7 @@ from colony.dsl.check.scope import (
     ArgumentSymbol,
     BrokenSymbol,
     EnumSymbol,
+    FileScope,
     FunctionSymbol,
     LetSymbol,
     MachineSymbol,
@@ -29,7 +30,6 @@ from colony.dsl.check.scope import (
     NetworkSymbol,
     ParamSymbol,
     PlaceholderSymbol,
-    Scope,
     SensorSymbol,
     StateSymbol,
     ValueSymbol,
@@ -58,7 +58,7 @@ def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | 
         if head == "frame_period":  # likewise
             return _frame_period(checker, node)
         if head == RESTARTED:
-            return ir.Restarted(type=BOOL, span=checker.span(node))
+            return ir.RestartedFlag(type=BOOL, span=checker.span(node))
         _unknown(checker, node, checker.scope, head)
         return None
     if head in checker.local:
@@ -224,7 +224,7 @@ def _network_member(
     return None
 
 
-def _unknown(checker: Checker, node: ast.Reference, scope: Scope, name: str) -> None:
+def _unknown(checker: Checker, node: ast.Reference, scope: FileScope, name: str) -> None:
     """Report an unknown name, and suggest the closest known one."""
     network_symbol = scope.network_symbol(name)
     if isinstance(network_symbol, BrokenSymbol):
@@ -279,7 +279,7 @@ _WORD_HINTS = {
 }
 
 
-def _member_hint(scope: Scope, name: str) -> str | None:
+def _member_hint(scope: FileScope, name: str) -> str | None:
     """Return a hint that names the enum or machine with this member."""
     for owner, symbol in islice(scope.values.items(), 1000):
         if isinstance(symbol, EnumSymbol | MachineSymbol) and name in dict(symbol.type.members):
@@ -287,7 +287,7 @@ def _member_hint(scope: Scope, name: str) -> str | None:
     return None
 
 
-def _declared_but_not_constant(scope: Scope, name: str) -> bool:
+def _declared_but_not_constant(scope: FileScope, name: str) -> bool:
     owner = scope.visible_values.get(name)
     return name in scope.robot.sensor_names if owner is None else name not in owner.constant_names
 
@@ -410,7 +410,7 @@ def _report_unbound(checker: Checker, node: ast.Reference, name: str, module: Mo
     checker.error("E408", node, message, hint, Label(module.span, f"`{name}` is derived here"))
 
 
-def actuator_named(checker: Checker, name: ast.Name) -> program_ir.Actuator | None:
+def actuator_named(checker: Checker, name: ast.NameNode) -> program_ir.Actuator | None:
     """Return the actuator of this name, or None after an error."""
     symbol = checker.scope.robot.network_symbols.get(name.text)
     if isinstance(symbol, ActuatorSymbol):

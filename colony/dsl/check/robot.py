@@ -13,10 +13,10 @@ from colony.dsl.check.compatibility import fits, plural, unit_of, with_article
 from colony.dsl.check.scope import (
     ActuatorSymbol,
     BrokenSymbol,
+    CheckReport,
     EnumSymbol,
-    Report,
+    FileScope,
     RobotScope,
-    Scope,
     SensorSymbol,
     TypedParameter,
 )
@@ -76,7 +76,7 @@ def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
     sensors: list[ir.Sensor] = []
     actuators: list[ir.Actuator] = []
     periods: list[_Period] = []
-    names: dict[str, ast.Name] = {}
+    names: dict[str, ast.NameNode] = {}
     for item in node.items:
         if isinstance(item, ast.FrameDecl):
             _frame(checker, item, periods)
@@ -110,7 +110,9 @@ def check_robot(checker: Checker, node: ast.RobotDecl) -> ir.Robot:
 
 def literal_frame_period(checker: Checker, node: ast.RobotDecl) -> int | None:
     """Return the frame period, so that params may read it; None if it reads names itself."""
-    bare = replace(checker, scope=Scope(file=checker.scope.file, robot=RobotScope()), report=Report())
+    bare = replace(
+        checker, scope=FileScope(file=checker.scope.file, robot=RobotScope()), report=CheckReport()
+    )
     frames = [item for item in node.items if isinstance(item, ast.FrameDecl)]
     return bare.duration_ns(frames[0].period, "the frame period") if frames else ir.DEFAULT_FRAME_NS
 
@@ -136,7 +138,7 @@ def _frame(checker: Checker, item: ast.FrameDecl, periods: list[_Period]) -> Non
 
 
 def _range(
-    checker: Checker, node: ast.Range | None, type_: Scalar, unit: str
+    checker: Checker, node: ast.RangeNode | None, type_: Scalar, unit: str
 ) -> tuple[float | None, float | None]:
     """Return the bounds of a range in base units."""
     if node is None:
@@ -207,7 +209,7 @@ def _sensor(checker: Checker, item: ast.SensorDecl) -> ir.Sensor | None:
     )
 
 
-def _reject_reserved(checker: Checker, name: ast.Name, reserved: dict[str, str], kind: str) -> None:
+def _reject_reserved(checker: Checker, name: ast.NameNode, reserved: dict[str, str], kind: str) -> None:
     if name.text in reserved:
         message = f"`{name.text}` is {reserved[name.text]} in recordings, so no {kind} can have this name"
         checker.error("E307", name, message, "choose another name")
@@ -348,7 +350,7 @@ def check_enum(checker: Checker, node: ast.EnumDecl) -> Enum | None:
 # Parameters of functions, and inputs of modules: their types, and what can be given to them.
 
 
-def check_parameter(checker: Checker, node: ast.Parameter) -> TypedParameter | None:
+def check_parameter(checker: Checker, node: ast.ParameterNode) -> TypedParameter | None:
     """Check the type of a parameter or input; its default is left out."""
     found = check_type(checker, node.type)
     size: int | None = None

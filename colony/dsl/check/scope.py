@@ -20,7 +20,7 @@ from colony.ir.types import Array, Enum, Scalar, Type, Value
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
-from colony.text.suggestions import did_you_mean
+from colony.text.wording import did_you_mean
 
 # --- program size -------------------------------------------------------------------------------------
 #
@@ -273,7 +273,7 @@ class FunctionSymbol(Record):
 
     declaration: ast.FunctionDecl
     parameters: tuple[TypedParameter, ...]
-    scope: Scope
+    scope: FileScope
     local: Mapping[str, ValueSymbol]
     module_names: frozenset[str]
     result: Type | None = None
@@ -318,7 +318,7 @@ class ModuleSymbol(Record):
     actuator: str | None
     members: dict[str, ValueSymbol]
     unbound: tuple[str, ...] = ()
-    home: Scope | None = None
+    home: FileScope | None = None
     derivation: str | None = None
     span: Span | None = None
 
@@ -364,7 +364,7 @@ class RobotScope:
 
 
 @dataclass(slots=True)
-class Scope:
+class FileScope:
     """The names that are visible in one file. Filled in while the file is checked, then only read.
 
     `values` and `network_symbols` are the file's own declarations that have been checked. `visible_values`
@@ -380,10 +380,10 @@ class Scope:
     site: Mapping[str, SiteValue] = field(default_factory=dict)  # by the full names of params
     values: dict[str, ValueSymbol] = field(default_factory=dict)
     network_symbols: dict[str, NetworkSymbol] = field(default_factory=dict)
-    visible_values: dict[str, Scope] = field(default_factory=dict)
-    visible_network_symbols: dict[str, Scope] = field(default_factory=dict)
+    visible_values: dict[str, FileScope] = field(default_factory=dict)
+    visible_network_symbols: dict[str, FileScope] = field(default_factory=dict)
     actuator_wires: dict[str, WireSymbol] = field(default_factory=dict)  # by name of the actuator
-    aliases: dict[str, Scope] = field(default_factory=dict)
+    aliases: dict[str, FileScope] = field(default_factory=dict)
     constant_names: set[str] = field(default_factory=set)  # the file's own params and enums
     lost_names: set[str] = field(default_factory=set)
     incomplete: bool = False
@@ -422,7 +422,7 @@ class Scope:
         """Return True if the name may be declared in text that could not be read."""
         return self.robot.absent or self.incomplete or name in self.lost_names
 
-    def resolve(self, path: tuple[str, ...]) -> tuple[Scope, tuple[str, ...]]:
+    def resolve(self, path: tuple[str, ...]) -> tuple[FileScope, tuple[str, ...]]:
         """Follow aliases at the front of a path: the scope that they lead to, and the rest.
 
         An alias does not lead to the robot's names: they are never prefixed.
@@ -447,7 +447,7 @@ def is_private(name: str) -> bool:
 
 
 @dataclass(slots=True)
-class Report:
+class CheckReport:
     """The findings of all checkers, and the number of memory cells so far.
 
     `suggestions` is the number of suggestions that may still be made; they are slow to compute. `size` counts
@@ -461,7 +461,7 @@ class Report:
 
     def error(
         self,
-        scope: Scope,
+        scope: FileScope,
         code: str,
         node: ast.SyntaxNode,
         message: str,
@@ -487,12 +487,12 @@ class Report:
         return self.cells
 
 
-def span_of(scope: Scope, node: ast.SyntaxNode) -> Span:
+def span_of(scope: FileScope, node: ast.SyntaxNode) -> Span:
     """Return the span of a node in a scope's file."""
     return Span(scope.file.source, node.start, node.end)
 
 
-def label(scope: Scope, node: ast.SyntaxNode, text: str = "first declared here") -> Label:
+def label(scope: FileScope, node: ast.SyntaxNode, text: str = "first declared here") -> Label:
     """Return a label for another span that an error refers to."""
     return Label(span_of(scope, node), text)
 

@@ -8,7 +8,7 @@ from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.references import resolve_network_symbol
-from colony.dsl.check.scope import ActuatorSymbol, BrokenSymbol, Report, Scope
+from colony.dsl.check.scope import ActuatorSymbol, BrokenSymbol, CheckReport, FileScope
 from colony.ir import program as ir
 from colony.record import Record, record
 
@@ -18,12 +18,12 @@ class PendingWire(Record):
     """A wire as declared; `actuator` is the actuator that it drives, if it is in the main file."""
 
     node: ast.WireDecl
-    scope: Scope
+    scope: FileScope
     name: str
     actuator: str | None
 
 
-def check_wires(report: Report, pending: list[PendingWire]) -> list[ir.Wire]:
+def check_wires(report: CheckReport, pending: list[PendingWire]) -> list[ir.Wire]:
     """Return the wires, each after those that it uses; report cycles and misused operands."""
     wires: dict[str, ir.Wire] = {}
     declarations: dict[str, PendingWire] = {}
@@ -63,11 +63,11 @@ def _wiring(checker: Checker, node: ast.Wiring) -> ir.Wiring | None:
     )
 
 
-def _window(checker: Checker, link: ast.Link) -> int | None:
+def _window(checker: Checker, link: ast.LinkNode) -> int | None:
     return 0 if link.window is None else checker.duration_ns(link.window, "a time constant")
 
 
-def _report_mixture(checker: Checker, node: ast.Chain) -> None:
+def _report_mixture(checker: Checker, node: ast.ChainNode) -> None:
     second_link = next(i for i, link in enumerate(node.links) if link.relation != node.links[0].relation)
     first, second = node.links[0].relation, node.links[second_link].relation
     text = checker.scope.file.source.text
@@ -104,7 +104,7 @@ def _uses(
 
 
 def _in_order(
-    report: Report, wires: Mapping[str, ir.Wire], declarations: Mapping[str, PendingWire]
+    report: CheckReport, wires: Mapping[str, ir.Wire], declarations: Mapping[str, PendingWire]
 ) -> list[ir.Wire]:
     """Sort wires depth first with an explicit stack; report wires that feed themselves."""
     order: list[ir.Wire] = []
@@ -131,10 +131,10 @@ def _in_order(
     return order
 
 
-def _report_cycle(report: Report, declaration: PendingWire, use: ir.Use, cycle: list[str]) -> None:
+def _report_cycle(report: CheckReport, declaration: PendingWire, use: ir.Use, cycle: list[str]) -> None:
     shown = [f"`{name}`" for name in cycle[:6]]
     more = " uses ..." if len(cycle) > 6 else ""
-    node = ast.Name(text=use.name, start=use.span.start, end=use.span.end)
+    node = ast.NameNode(text=use.name, start=use.span.start, end=use.span.end)
     message = f"a wire feeds itself: {' uses '.join(shown)}{more}"
     report.error(declaration.scope, "E502", node, message, "the network must have no cycle")
 
@@ -143,10 +143,10 @@ def _report_cycle(report: Report, declaration: PendingWire, use: ir.Use, cycle: 
 
 
 def check_outputs(
-    report: Report,
+    report: CheckReport,
     wires: list[ir.Wire],
     modules: Mapping[str, ir.AnyModule],
-    scopes: Mapping[str, Scope],
+    scopes: Mapping[str, FileScope],
 ) -> None:
     """Check that every module that can reach an actuator commands it; others may only inhibit.
 
@@ -190,8 +190,10 @@ def _first_misfit(
     return None
 
 
-def _report_misfit(report: Report, scope: Scope, use: ir.Use, module: ir.AnyModule, actuator: str) -> None:
-    node = ast.Name(text=use.name, start=use.span.start, end=use.span.end)
+def _report_misfit(
+    report: CheckReport, scope: FileScope, use: ir.Use, module: ir.AnyModule, actuator: str
+) -> None:
+    node = ast.NameNode(text=use.name, start=use.span.start, end=use.span.end)
     subject = (
         f"`{module.name}`" if use.name == module.name else f"`{use.name}` leads to `{module.name}`, which"
     )

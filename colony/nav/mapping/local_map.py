@@ -11,7 +11,7 @@ import numpy as np
 
 from colony.nav.mapping.himm import Cells, HimmMap, HimmParameters, LocalPose
 from colony.nav.pose.echoes import Floats
-from colony.nav.pose.pose import Step
+from colony.nav.pose.pose import OdometryStep
 
 # --- hough --------------------------------------------------------------------------------------------
 #
@@ -23,7 +23,7 @@ from colony.nav.pose.pose import Step
 # and Hart 1972.
 
 
-class Line(NamedTuple):
+class WallLine(NamedTuple):
     """A straight line of a local map.
 
     Attributes:
@@ -71,7 +71,7 @@ class HoughParameters:
     min_length_mm: float = 800.0
 
 
-def lines_in(cells: Cells, parameters: HoughParameters | None = None) -> tuple[Line, ...]:
+def lines_in(cells: Cells, parameters: HoughParameters | None = None) -> tuple[WallLine, ...]:
     """Return the strongest line, and the strongest parallel on either side; none if the cells are too few."""
     parameters = parameters or HoughParameters()
     if cells.certainty.sum() < parameters.min_weight:
@@ -113,7 +113,7 @@ def _find_parallel(
     votes: Floats,
     angles: Floats,
     first_distance: float,
-    first: Line,
+    first: WallLine,
     side: float,
     parameters: HoughParameters,
 ) -> tuple[float, float] | None:
@@ -142,7 +142,9 @@ _STRAY_FRACTION = 0.02
 """Fraction of a line's weight that is cut off at either end, as stray cells."""
 
 
-def _fit_line(cells: Cells, angle_rad: float, distance_mm: float, parameters: HoughParameters) -> Line | None:
+def _fit_line(
+    cells: Cells, angle_rad: float, distance_mm: float, parameters: HoughParameters
+) -> WallLine | None:
     """Fit a line to the cells near it by total least squares; None if they are too few."""
     for _ in range(_REFINEMENTS):
         cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
@@ -177,19 +179,19 @@ def _fit_line(cells: Cells, angle_rad: float, distance_mm: float, parameters: Ho
 
 def _normalize(
     angle_rad: float, distance_mm: float, weight: float, ends: tuple[float, float], spread: float
-) -> Line:
+) -> WallLine:
     """Return the line with its angle wrapped to [-90, 90)."""
     angle = math.degrees(angle_rad)
     wrapped = (angle + 90.0) % 180.0 - 90.0
     sign = 1.0 if round((angle - wrapped) / 180.0) % 2 == 0 else -1.0
     begin, end = sorted(sign * end for end in ends)
-    return Line(wrapped, sign * distance_mm, weight, begin, end, spread)
+    return WallLine(wrapped, sign * distance_mm, weight, begin, end, spread)
 
 
 # --- local map ----------------------------------------------------------------------------------------
 
 
-def pose_after(pose: LocalPose, step: Step) -> LocalPose:
+def pose_after(pose: LocalPose, step: OdometryStep) -> LocalPose:
     """Return the pose of a robot after a step."""
     sine, cosine = math.sin(pose.heading_rad), math.cos(pose.heading_rad)
     return LocalPose(
@@ -214,7 +216,7 @@ _SPACING_MM, _SPACING_RAD = 60.0, math.radians(3.0)
 """Minimum distance or turn between two recorded scans."""
 
 
-class Trail:
+class ScanTrail:
     """The scans of the last few meters, located by odometry alone. Mutable.
 
     On demand, a map around the robot's current position is built from them.
@@ -236,7 +238,7 @@ class Trail:
         """Discard all scans."""
         self._scans.clear()
 
-    def add(self, step: Step, ranges: Floats | None) -> None:
+    def add(self, step: OdometryStep, ranges: Floats | None) -> None:
         """Record a step of the robot, and a scan after it, if there is one."""
         self._pose = pose_after(self._pose, step)
         self._travel_mm += math.hypot(step.ahead_mm, step.left_mm)
@@ -251,7 +253,7 @@ class Trail:
         while self._travel_mm - self._scans[0][0] > self._length_mm:
             self._scans.popleft()
 
-    def lines(self, himm: HimmParameters, hough: HoughParameters | None = None) -> tuple[Line, ...]:
+    def lines(self, himm: HimmParameters, hough: HoughParameters | None = None) -> tuple[WallLine, ...]:
         """Return the lines in a map of these scans, with its origin at the robot's current position."""
         local_map = HimmMap(himm)
         for _, pose, ranges in self._scans:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from colony.nav.mapping.local_map import Line
+from colony.nav.mapping.local_map import WallLine
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.echoes import Bools, Floats, Reflectors
 
@@ -45,7 +45,7 @@ class WallCandidate(NamedTuple):
         return math.hypot(self.x1_mm - self.x0_mm, self.y1_mm - self.y0_mm)
 
 
-def in_building_frame(line: Line, origin: Pose) -> WallCandidate:
+def in_building_frame(line: WallLine, origin: Pose) -> WallCandidate:
     """Return a line of the local map that began at `origin`, in the frame of the building."""
     angle = math.radians(line.angle_deg)
     cosine, sine = math.cos(angle), math.sin(angle)

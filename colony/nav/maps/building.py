@@ -25,7 +25,7 @@ class Landing(NamedTuple):
     node: str
 
 
-class Ride(NamedTuple):
+class LandingRide(NamedTuple):
     """A ride of an elevator between two landings, in either direction."""
 
     first: Landing
@@ -42,7 +42,7 @@ class Building:
     """
 
     maps: tuple[Map, ...]
-    rides: tuple[Ride, ...] = ()
+    rides: tuple[LandingRide, ...] = ()
 
     def map_named(self, name: str) -> Map:
         """Return the floor whose map has this name.
@@ -190,11 +190,13 @@ def _header_span(item: _LoadedMap, key: str) -> Span:
     return next(words[1].span for words in lines_of_words(item.source) if words[0].text == key)
 
 
-def _rides(loaded: list[_LoadedMap]) -> tuple[Ride, ...]:
-    rides: list[Ride] = []
+def _rides(loaded: list[_LoadedMap]) -> tuple[LandingRide, ...]:
+    rides: list[LandingRide] = []
     for item in loaded:
         for elevator, other in zip(item.map.elevators, item.destinations, strict=True):
-            ride = Ride(Landing(item.map.name, elevator.node), Landing(other.map.name, elevator.other_node))
-            if Ride(ride.second, ride.first) not in rides:
+            ride = LandingRide(
+                Landing(item.map.name, elevator.node), Landing(other.map.name, elevator.other_node)
+            )
+            if LandingRide(ride.second, ride.first) not in rides:
                 rides.append(ride)
     return tuple(rides)

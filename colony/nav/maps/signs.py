@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from colony.nav.maps.stickrep.geometry import Point, direction
 from colony.nav.maps.stickrep.model import EdgeKind, Map, Pose
 from colony.nav.maps.walls import facing_deg, free_distance, point_on, walls_of
-from colony.text.suggestions import did_you_mean
+from colony.text.wording import did_you_mean
 
 SIGN_HEIGHT_MM = 1350.0
 """Height of the center of plates and markers above the floor (53 inches)."""

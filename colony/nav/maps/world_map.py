@@ -9,9 +9,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.nav.maps.grid.model import Cell, Grid
+from colony.nav.maps.grid.model import Grid, GridCell
 from colony.nav.maps.grid.outlines import TooManySidesError, outlines
-from colony.nav.maps.grid.places import Reach, clearance_mm, nearest_place
+from colony.nav.maps.grid.places import ReachableRegions, clearance_mm, nearest_place
 from colony.nav.maps.grid.reader import EAST_DEG, load_grid
 from colony.nav.maps.source import is_grid, no_building
 from colony.nav.maps.stickrep.geometry import corners, in_free_space
@@ -98,7 +98,7 @@ class WorldMap:
 
     def is_known(self, x_mm: float, y_mm: float) -> bool:
         """Return False if a place is in unknown cells of a grid, or beyond its image."""
-        return isinstance(self.source, Map) or self.source.state_at(x_mm, y_mm) is not Cell.UNKNOWN
+        return isinstance(self.source, Map) or self.source.state_at(x_mm, y_mm) is not GridCell.UNKNOWN
 
     def contains(self, x_mm: float, y_mm: float) -> bool:
         """Return False if a place is beyond the image of a grid."""
@@ -136,7 +136,7 @@ def world_of_grid(grid: Grid, *files: str) -> WorldMap:
         DiagnosticError: there are too many walls.
     """
     try:
-        cells = outlines(grid.cells == Cell.OCCUPIED)
+        cells = outlines(grid.cells == GridCell.OCCUPIED)
         if len(cells) > MAX_WALLS:
             raise TooManySidesError(f"the outlines have {len(cells):,} walls; expected at most {MAX_WALLS:,}")
     except TooManySidesError as problem:
@@ -180,7 +180,7 @@ def _start_in_grid(
             problem = f"there is no free place for a robot with a radius of {radius_mm:.0f} mm"
             raise ValueError("; ".join([problem, *grid.remarks]))
         x, y = nearest
-    elif grid.state_at(x, y) is Cell.OCCUPIED:
+    elif grid.state_at(x, y) is GridCell.OCCUPIED:
         raise ValueError(f"({x:.0f}, {y:.0f}) is in an occupied cell")
     elif room < radius_mm:
         found = f"({x:.0f}, {y:.0f}) is {room:.0f} mm from a wall or from cells that are unknown"
@@ -191,8 +191,8 @@ def _start_in_grid(
 
 
 @lru_cache(maxsize=1)
-def _reach(grid: Grid, radius_mm: float) -> Reach:
-    return Reach(grid, radius_mm)
+def _reach(grid: Grid, radius_mm: float) -> ReachableRegions:
+    return ReachableRegions(grid, radius_mm)
 
 
 def _out_of_a_patch(grid: Grid, radius_mm: float, place: tuple[float, float]) -> tuple[float, float]:

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Generator
 from typing import Any
 
-from colony.nav.calls import read_variables, try_wait
 from colony.nav.shared import (
     CEILING_LIGHT,
     GOAL_ANSWERED,
@@ -25,6 +24,8 @@ from colony.nav.shared import (
     GOAL_TYPE,
     ROBOT_STATUS,
     GoalKind,
+    read_variables,
+    try_wait,
 )
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data

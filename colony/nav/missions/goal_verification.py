@@ -12,10 +12,9 @@ from collections.abc import Generator, Iterable
 from enum import IntEnum
 from typing import Any, NamedTuple
 
-from colony.nav.calls import try_ask
 from colony.nav.maps.signs import Plate, door_name, plates_of
 from colony.nav.maps.stickrep.model import Map
-from colony.nav.shared import PLATE_SEEN
+from colony.nav.shared import PLATE_SEEN, try_ask
 from colony.runtime.kit.script import Step, sleep
 from colony.runtime.library import data
 
@@ -35,7 +34,7 @@ READ_TIMEOUT_S, POLL_INTERVAL_S = 2.0, 0.25
 """Timeout for reading the plate after the arrival, and interval between two checks, in seconds."""
 
 
-class Verdict(IntEnum):
+class GoalVerdict(IntEnum):
     """The verdict of the plates on the goal."""
 
     UNSEEN = -1
@@ -62,15 +61,15 @@ def reported_plate(value: Any) -> ReportedPlate | None:
             return None
 
 
-def verdict_of(plate: Plate, reports: Iterable[ReportedPlate]) -> Verdict:
+def verdict_of(plate: Plate, reports: Iterable[ReportedPlate]) -> GoalVerdict:
     """Return the verdict of the reported plates on a goal with `plate`; unread plates do not count."""
-    verdict = Verdict.UNSEEN
+    verdict = GoalVerdict.UNSEEN
     for report in reports:
         distance_mm = math.hypot(report.x_mm - plate.center.x, report.y_mm - plate.center.y)
         if report.text == plate.text and distance_mm <= SAME_PLATE_MM:
-            return Verdict.RIGHT
+            return GoalVerdict.RIGHT
         if report.text and distance_mm <= SAME_POSITION_MM:
-            verdict = Verdict.WRONG
+            verdict = GoalVerdict.WRONG
     return verdict
 
 
@@ -88,7 +87,7 @@ def remember_plates() -> Generator[Step, Any, None]:
     yield from try_ask("DServer", data.set_history(PLATE_SEEN, HISTORY_LENGTH))
 
 
-def goal_verdict(plate: Plate, *, segment_start_ns: int) -> Generator[Step, Any, Verdict]:
+def goal_verdict(plate: Plate, *, segment_start_ns: int) -> Generator[Step, Any, GoalVerdict]:
     """Return the verdict of the plates seen on the last segment, or shortly before.
 
     The verdict waits up to `READ_TIMEOUT_S` for a plate in view to be read.
@@ -101,7 +100,7 @@ def goal_verdict(plate: Plate, *, segment_start_ns: int) -> Generator[Step, Any,
         verdict = verdict_of(
             plate, [report for report in plates if report is not None and report.t_ns >= since_ns]
         )
-        if verdict is Verdict.RIGHT or waited_s >= READ_TIMEOUT_S:
+        if verdict is GoalVerdict.RIGHT or waited_s >= READ_TIMEOUT_S:
             return verdict
         yield from sleep(POLL_INTERVAL_S)
         waited_s += POLL_INTERVAL_S

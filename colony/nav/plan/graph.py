@@ -28,7 +28,7 @@ _RIDE_MM = 20_000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Layout:
+class FloorLayout:
     """A floor's map, with the geometry derived from it.
 
     Attributes:
@@ -78,14 +78,14 @@ class Layout:
 
 
 @lru_cache(maxsize=32)
-def layout_of(source: Map) -> Layout:
+def layout_of(source: Map) -> FloorLayout:
     """Derive the layout of a map, once for each map."""
     corridors = corridors_of(source)
     corridors_of_edge: dict[tuple[int, int], tuple[int, ...]] = {}
     for i, corridor in enumerate(corridors):
         for edge in corridor.edges:
             corridors_of_edge[edge] = (*corridors_of_edge.get(edge, ()), i)
-    return Layout(
+    return FloorLayout(
         source=source,
         nodes=tuple(corners(ring) for ring in source.rings),
         headings_deg=tuple(trace(ring).headings_deg for ring in source.rings),
@@ -150,7 +150,7 @@ class _CorridorPosition:
 
 
 def shortest_route(
-    layouts: tuple[Layout, ...],
+    layouts: tuple[FloorLayout, ...],
     rides: tuple[ElevatorRide, ...],
     origin: NodeIndex,
     goal: NodeIndex,
@@ -175,7 +175,7 @@ def shortest_route(
 
 
 def _shortest(
-    layouts: tuple[Layout, ...],
+    layouts: tuple[FloorLayout, ...],
     rides: tuple[ElevatorRide, ...],
     origin: NodeIndex,
     goal: NodeIndex,
@@ -210,7 +210,7 @@ def _add_step(
         graph.add_edge(here, there, weight=weight, length=length, corridor=corridor)
 
 
-def _add_rings(graph: Any, floor: int, layout: Layout, ends: list[NodeIndex], linked: bool) -> None:
+def _add_rings(graph: Any, floor: int, layout: FloorLayout, ends: list[NodeIndex], linked: bool) -> None:
     links = layout.source.links if linked else ()
     rings = layout.source.rings
     node_indices = {node.name: (r, n) for r, ring in enumerate(rings) for n, node in enumerate(ring.nodes)}
@@ -236,7 +236,7 @@ def _add_rings(graph: Any, floor: int, layout: Layout, ends: list[NodeIndex], li
         _add_step(graph, position, end, 0.0, None)
 
 
-def _add_corridors(graph: Any, floor: int, layout: Layout, ends: list[NodeIndex]) -> None:
+def _add_corridors(graph: Any, floor: int, layout: FloorLayout, ends: list[NodeIndex]) -> None:
     positions_on: list[set[_CorridorPosition]] = [set() for _ in layout.corridors]
     for space in layout.spaces:
         pair = [

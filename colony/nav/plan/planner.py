@@ -24,11 +24,10 @@ from collections.abc import Callable, Generator
 from itertools import pairwise
 from typing import Any, NamedTuple, assert_never
 
-from colony.nav.calls import try_wait
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point, direction
 from colony.nav.missions.elevator_calls import ElevatorCall
-from colony.nav.missions.goal_verification import Verdict, goal_verdict, remember_plates
+from colony.nav.missions.goal_verification import GoalVerdict, goal_verdict, remember_plates
 from colony.nav.plan.plan import Plan, Segment
 from colony.nav.shared import (
     ELEVATOR_CALL,
@@ -46,6 +45,7 @@ from colony.nav.shared import (
     START_MAP,
     TRACK_DATA,
     GoalKind,
+    try_wait,
 )
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
@@ -69,7 +69,7 @@ It is given the robot's distance beyond the last light of the segment before, 0 
 OnSegment = Callable[[int, Segment], None]
 """Callback with the number, from 0, of each segment that begins."""
 
-OnVerdict = Callable[[Verdict], None]
+OnVerdict = Callable[[GoalVerdict], None]
 """Callback with the final verdict of the plates on the goal."""
 
 
@@ -190,7 +190,7 @@ def _begin(floor: str) -> Generator[Step, Any, None]:
     yield from do("DServer", data.set_many({FLOOR: floor, ELEVATOR_CALL: []}))
 
 
-def _verify(plate: Plate, last: Segment, segment_start_ns: int) -> Generator[Step, Any, Verdict]:
+def _verify(plate: Plate, last: Segment, segment_start_ns: int) -> Generator[Step, Any, GoalVerdict]:
     """Wait for the verdict on the goal; drive the rest of the path by the corrected position."""
     verdict = yield from goal_verdict(plate, segment_start_ns=segment_start_ns)
     here = yield from do("RServer", robot.position())

@@ -5,10 +5,18 @@ from __future__ import annotations
 from colony.nav.maps.building import Building
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import EdgeKind, Map, Travel
-from colony.nav.plan.graph import ElevatorRide, Layout, NodeIndex, Route, Stretch, layout_of, shortest_route
+from colony.nav.plan.graph import (
+    ElevatorRide,
+    FloorLayout,
+    NodeIndex,
+    Route,
+    Stretch,
+    layout_of,
+    shortest_route,
+)
 from colony.nav.plan.plan import DisconnectedCorridors, FloorPoint, Leg, Plan, Segment, legs_of, segments_of
 from colony.nav.shared import GoalKind
-from colony.text.suggestions import did_you_mean
+from colony.text.wording import did_you_mean
 
 JAMB_SUFFIXES = ("L", "R", ".L", ".R")
 """Suffixes that turn a door's name into the names of its jambs."""
@@ -74,7 +82,7 @@ def _length(route: Route) -> float:
     return sum(part.length_mm for part in route if isinstance(part, Stretch))
 
 
-def _name(layouts: tuple[Layout, ...], node_index: NodeIndex) -> str:
+def _name(layouts: tuple[FloorLayout, ...], node_index: NodeIndex) -> str:
     return layouts[node_index.floor].source.rings[node_index.ring].nodes[node_index.node].name
 
 
@@ -84,7 +92,7 @@ def _name(layouts: tuple[Layout, ...], node_index: NodeIndex) -> str:
 NodesByName = dict[str, list[NodeIndex]]
 
 
-def _nodes_by_name(layouts: tuple[Layout, ...]) -> NodesByName:
+def _nodes_by_name(layouts: tuple[FloorLayout, ...]) -> NodesByName:
     """Return all nodes by name, with and without the floor's prefix."""
     nodes_by_name: NodesByName = {}
     for f, layout in enumerate(layouts):
@@ -99,7 +107,7 @@ def _nodes_by_name(layouts: tuple[Layout, ...]) -> NodesByName:
 
 
 def _find_nodes(
-    layouts: tuple[Layout, ...], nodes_by_name: NodesByName, name: str, what: str
+    layouts: tuple[FloorLayout, ...], nodes_by_name: NodesByName, name: str, what: str
 ) -> tuple[NodeIndex, ...]:
     found = nodes_by_name.get(name) or [
         node_index for jamb in JAMB_SUFFIXES for node_index in nodes_by_name.get(name + jamb, ())
@@ -157,7 +165,7 @@ def _elevator_rides(building: Building) -> tuple[ElevatorRide, ...]:
 
 
 def _no_route(
-    layouts: tuple[Layout, ...], start: NodeIndex, goal: NodeIndex, travel: Travel | None
+    layouts: tuple[FloorLayout, ...], start: NodeIndex, goal: NodeIndex, travel: Travel | None
 ) -> NoPlanError:
     message = f"no path leads from `{_name(layouts, start)}` to `{_name(layouts, goal)}`"
     for node_index in (start, goal):
@@ -180,7 +188,7 @@ def _no_route(
 # --- segments -------------------------------------------------------------------------------------------
 
 
-def _segments(layouts: tuple[Layout, ...], route: Route) -> tuple[tuple[Segment, ...], str]:
+def _segments(layouts: tuple[FloorLayout, ...], route: Route) -> tuple[tuple[Segment, ...], str]:
     segments: list[Segment] = []
     modes = ""
     rides = [part for part in route if isinstance(part, ElevatorRide)]
@@ -199,7 +207,7 @@ def _segments(layouts: tuple[Layout, ...], route: Route) -> tuple[tuple[Segment,
     return tuple(segments), modes
 
 
-def _legs(layouts: tuple[Layout, ...], stretch: Stretch, landings: set[NodeIndex]) -> tuple[Leg, ...]:
+def _legs(layouts: tuple[FloorLayout, ...], stretch: Stretch, landings: set[NodeIndex]) -> tuple[Leg, ...]:
     layout = layouts[stretch.origin.floor]
     message = f"the path from `{_name(layouts, stretch.origin)}` to `{_name(layouts, stretch.goal)}`"
     corridors = tuple(layout.corridors[k] for k in layout.with_skipped(stretch.corridors))
@@ -223,14 +231,14 @@ def _format_point(at: Point) -> str:
     return f"({at.x / 1000:.1f} m, {at.y / 1000:.1f} m)"
 
 
-def _doors_center(layout: Layout, node_index: NodeIndex) -> Point:
+def _doors_center(layout: FloorLayout, node_index: NodeIndex) -> Point:
     """Return the center of an elevator's doors."""
     nodes = layout.nodes[node_index.ring]
     here, there = nodes[node_index.node], nodes[(node_index.node + 1) % len(nodes)]
     return Point((here.x + there.x) / 2, (here.y + there.y) / 2)
 
 
-def _ride(layouts: tuple[Layout, ...], ride: ElevatorRide) -> Segment:
+def _ride(layouts: tuple[FloorLayout, ...], ride: ElevatorRide) -> Segment:
     points, headings, doors_mm = [], [], []
     for node_index in (ride.first, ride.second):
         layout = layouts[node_index.floor]

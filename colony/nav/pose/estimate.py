@@ -14,26 +14,35 @@ from __future__ import annotations
 from collections.abc import Generator, Mapping
 from typing import Any
 
-from colony.nav.calls import try_adjust_position, try_ask
 from colony.nav.maps.walls import Walls
 from colony.nav.pose.pose import fix_of, pose_list
-from colony.nav.pose.tracker import EVERY_SOURCE, LandmarkFix, PoseTracker, Source, position_at
-from colony.nav.shared import FLOOR, GOAL_TYPE, LIGHT_FIX, MARKER_FIX, PLATE_FIX, POSE, GoalKind
+from colony.nav.pose.tracker import EVERY_SOURCE, LandmarkFix, PoseSource, PoseTracker, position_at
+from colony.nav.shared import (
+    FLOOR,
+    GOAL_TYPE,
+    LIGHT_FIX,
+    MARKER_FIX,
+    PLATE_FIX,
+    POSE,
+    GoalKind,
+    try_adjust_position,
+    try_ask,
+)
 from colony.runtime.kit.script import Script, Step, sleep
 from colony.runtime.library import data, proximity, robot
 from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import Position
 
-_FIXES = {LIGHT_FIX: Source.LIGHTS, PLATE_FIX: Source.PLATES, MARKER_FIX: Source.MARKERS}
+_FIXES = {LIGHT_FIX: PoseSource.LIGHTS, PLATE_FIX: PoseSource.PLATES, MARKER_FIX: PoseSource.MARKERS}
 _MAX_AHEAD_NS = 1_000_000_000
 """Maximum lead of a fix's time over the robot's clock; fixes from farther in the future are discarded."""
-_SCAN_SOURCES = frozenset({Source.SONAR, Source.LOCAL_MAPS})
+_SCAN_SOURCES = frozenset({PoseSource.SONAR, PoseSource.LOCAL_MAPS})
 
 
 def pose_estimator(
     floors: Mapping[str, Walls],
     *,
-    sources: frozenset[Source] = EVERY_SOURCE,
+    sources: frozenset[PoseSource] = EVERY_SOURCE,
     period_s: float = 0.1,
 ) -> Script:
     """Estimate the robot's pose from all sources together, and correct RServer's position, forever.
@@ -56,7 +65,7 @@ def pose_estimator(
 class _Estimator:
     """The estimator's state: the tracker, the floor, and the newest inputs. Mutable."""
 
-    def __init__(self, floors: Mapping[str, Walls], sources: frozenset[Source]) -> None:
+    def __init__(self, floors: Mapping[str, Walls], sources: frozenset[PoseSource]) -> None:
         self._floors, self._sources = floors, sources
         self._floor = next(iter(floors))
         self._tracker = PoseTracker(floors[self._floor], sources=sources)

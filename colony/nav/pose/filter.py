@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.pose.echoes import Floats, Prediction, Reflectors, SonarRing
-from colony.nav.pose.pose import NO_MOTION, MotionSince, Row, Step
+from colony.nav.pose.pose import NO_MOTION, MeasurementRow, MotionSince, OdometryStep
 
 
 class JumpLimit(NamedTuple):
@@ -132,7 +132,7 @@ class PoseFilter:
         """The variances of the drift and the scale error."""
         return [float(variance) for variance in np.diag(self.covariance)[3:]]
 
-    def move(self, step: Step) -> Step:
+    def move(self, step: OdometryStep) -> OdometryStep:
         """Predict the pose after a step; return the step corrected for drift and scale error."""
         travel = math.hypot(step.ahead_mm, step.left_mm)
         if travel < _TINY and abs(step.turned_rad) < _TINY:
@@ -155,7 +155,7 @@ class PoseFilter:
         self.covariance = transition @ self.covariance @ transition.T
         self._add_noise(travel, turned)
         self._bound_position()
-        return Step(ahead, left, turned + drift)
+        return OdometryStep(ahead, left, turned + drift)
 
     def _add_noise(self, travel: float, turned: float) -> None:
         """Add the process noise of a step: `travel` in mm, `turned` in radians."""
@@ -200,7 +200,9 @@ class PoseFilter:
             if len(channels) >= _MIN_RELOCATION_READINGS and matched_fraction >= _CONFIRMED_AGREEMENT:
                 self._unconfirmed_mm = 0.0
 
-    def observe(self, row: Row, since: MotionSince = NO_MOTION, limit: JumpLimit = NO_JUMP_LIMIT) -> bool:
+    def observe(
+        self, row: MeasurementRow, since: MotionSince = NO_MOTION, limit: JumpLimit = NO_JUMP_LIMIT
+    ) -> bool:
         """Update with a landmark's measurement of the pose at a past time.
 
         A large innovation indicates a slip, which is accepted up to `limit`.
@@ -240,7 +242,7 @@ class PoseFilter:
         self.covariance = retained @ self.covariance @ retained.T + noise * np.outer(gain, gain)
         return True
 
-    def _add_slip(self, row: Row, variance: float) -> None:
+    def _add_slip(self, row: MeasurementRow, variance: float) -> None:
         """Add the variance of an undetected slip to the position along a row, or to the heading."""
         axis = np.array([row.cx, row.cy, 0.0] if row.cx or row.cy else [0.0, 0.0, row.ch])
         axis /= float(axis @ axis)
@@ -357,7 +359,7 @@ class PoseFilter:
         )
 
 
-def _is_unambiguous(row: Row, position_weight: float, limit: JumpLimit) -> bool:
+def _is_unambiguous(row: MeasurementRow, position_weight: float, limit: JumpLimit) -> bool:
     """Return True if a row is not empty, and a full turn of the heading cannot be mistaken for a shift."""
     if row.ch == 0.0 or position_weight == 0.0 or limit.mm == math.inf:
         return row.ch != 0.0 or position_weight != 0.0

@@ -66,7 +66,7 @@ def pose_of(value: Any) -> PoseEstimate | None:
 # by more than any position error could; otherwise the row is rejected.
 
 
-class Row(NamedTuple):
+class MeasurementRow(NamedTuple):
     """The measurement cx * x + cy * y + ch * heading = value, with its standard deviation; mm and radians."""
 
     cx: float
@@ -80,7 +80,7 @@ class Fix(NamedTuple):
     """Independent measurements of the pose at one time."""
 
     t_ns: int
-    rows: tuple[Row, ...]
+    rows: tuple[MeasurementRow, ...]
 
 
 def fix_list(fix: Fix) -> list[float]:
@@ -95,7 +95,7 @@ def fix_of(value: Any) -> Fix | None:
     if not all(isinstance(number, int | float) and math.isfinite(number) for number in value):
         return None
     numbers = tuple(float(number) for number in value[1:])
-    rows = tuple(Row(*numbers[i : i + 5]) for i in range(0, len(numbers), 5))
+    rows = tuple(MeasurementRow(*numbers[i : i + 5]) for i in range(0, len(numbers), 5))
     return Fix(int(value[0]), rows)
 
 
@@ -104,7 +104,7 @@ def fix_of(value: Any) -> Fix | None:
 # Motion of the robot by its odometry: in one step, and since a past time.
 
 
-class Step(NamedTuple):
+class OdometryStep(NamedTuple):
     """A motion of the robot in its frame at the start.
 
     Distances ahead and to the left in mm, and the turn in radians counterclockwise.
@@ -163,7 +163,7 @@ class MotionHistory:
         self._poses.clear()
         self._poses.append(_TimedPose(t_ns, 0.0, 0.0, 0.0, 0.0))
 
-    def add(self, t_ns: int, step: Step) -> None:
+    def add(self, t_ns: int, step: OdometryStep) -> None:
         """Record a step of the robot that ends at `t_ns`."""
         last = self._poses[-1]
         sine, cosine = math.sin(last.heading_rad), math.cos(last.heading_rad)

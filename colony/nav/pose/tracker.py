@@ -2,7 +2,7 @@
 
 Normally the position filter alone tracks the pose. If it is lost, for example because a wheel slipped, the
 tracker tries headings around the estimated one on single scans. If that fails, it builds a local map of the
-last meters and matches the lines in it to the walls. Without `Source.SONAR`, the pose is tracked by a
+last meters and matches the lines in it to the walls. Without `PoseSource.SONAR`, the pose is tracked by a
 sequence of such local maps instead.
 """
 
@@ -17,17 +17,17 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.nav.mapping.himm import HimmParameters
-from colony.nav.mapping.local_map import Trail
+from colony.nav.mapping.local_map import ScanTrail
 from colony.nav.mapping.wall_matching import Gate, WallMatch, combine_matches, in_building_frame, match_wall
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.maps.walls import Walls
 from colony.nav.pose.echoes import Floats, Reflectors, SonarRing, reflectors_of, rome_sonars
 from colony.nav.pose.filter import JumpLimit, PoseFilter
-from colony.nav.pose.pose import Fix, MotionHistory, PoseEstimate, Row, Step
+from colony.nav.pose.pose import Fix, MeasurementRow, MotionHistory, OdometryStep, PoseEstimate
 from colony.runtime.library.robot import Position
 
 
-class Source(Enum):
+class PoseSource(Enum):
     """A source of the robot's pose besides its odometry."""
 
     SONAR = "sonar"  # scans against the map
@@ -37,13 +37,13 @@ class Source(Enum):
     MARKERS = "markers"
 
 
-EVERY_SOURCE = frozenset(Source)
+EVERY_SOURCE = frozenset(PoseSource)
 
 
 class LandmarkFix(NamedTuple):
     """A fix and its source."""
 
-    source: Source
+    source: PoseSource
     fix: Fix
 
 
@@ -74,17 +74,17 @@ _FREQUENT_RETRY_SCANS = 50
 _RARE_RETRY_INTERVAL_SCANS = 20
 _TRAIL_MM = 3_000.0
 _MIN_TRAIL_MM = 1_500.0
-_NO_STEP = Step(0.0, 0.0, 0.0)
+_NO_STEP = OdometryStep(0.0, 0.0, 0.0)
 _MAX_PENDING = 20
 _LINES_AFTER_SCANS = 15
 _LINES_GATE = Gate(angle_deg=40.0, offset_mm=1_000.0)
 _MIN_LINE_SIGMA_MM, _MIN_LINE_SIGMA_DEG = 20.0, 0.3  # lower bounds: the map's walls are not exact
 # Two lights may relocate a lost robot; a plate or a marker may be mistaken for another one.
 _JUMP_LIMITS = {
-    Source.LIGHTS: JumpLimit(2_600.0, math.radians(20.0)),
-    Source.PLATES: JumpLimit(400.0, math.radians(10.0)),
-    Source.MARKERS: JumpLimit(600.0, math.radians(15.0)),
-    Source.LOCAL_MAPS: JumpLimit(_LINES_GATE.offset_mm, math.radians(_LINES_GATE.angle_deg)),
+    PoseSource.LIGHTS: JumpLimit(2_600.0, math.radians(20.0)),
+    PoseSource.PLATES: JumpLimit(400.0, math.radians(10.0)),
+    PoseSource.MARKERS: JumpLimit(600.0, math.radians(15.0)),
+    PoseSource.LOCAL_MAPS: JumpLimit(_LINES_GATE.offset_mm, math.radians(_LINES_GATE.angle_deg)),
 }
 # After a ride, during which only odometry was available.
 _NEW_FLOOR_SIGMA_MM, _NEW_FLOOR_SIGMA_DEG = 150.0, 4.0
@@ -97,7 +97,7 @@ class PoseTracker:
     and fixes that are newer than the newest position.
     """
 
-    def __init__(self, walls: Walls, *, sources: frozenset[Source] = EVERY_SOURCE) -> None:
+    def __init__(self, walls: Walls, *, sources: frozenset[PoseSource] = EVERY_SOURCE) -> None:
         """Start without a position: the first one is adopted unchanged."""
         self._sonar = rome_sonars()
         self._sources = sources
@@ -110,7 +110,7 @@ class PoseTracker:
         self._nearby: Reflectors | None = None
         self._nearby_at = (0.0, 0.0)
         self._last: Position | None = None
-        self._trail = Trail(_TRAIL_MM)
+        self._trail = ScanTrail(_TRAIL_MM)
         self._history = MotionHistory()
         self._pending: tuple[LandmarkFix, ...] = ()
         self._lost_scans = 0
@@ -204,13 +204,13 @@ class PoseTracker:
     def _apply_scan(self, filter_: PoseFilter, scan: Floats, blur_rad: float) -> None:
         """Update the filter with a scan."""
         reflectors = self._nearby_reflectors(*filter_.state[:2].tolist())
-        if Source.SONAR in self._sources:
+        if PoseSource.SONAR in self._sources:
             filter_.observe_scan(reflectors, scan, blur_rad)
             self._relocate(filter_, reflectors, scan)
-        elif Source.LOCAL_MAPS in self._sources and self._trail.travel_mm >= _MIN_TRAIL_MM:
+        elif PoseSource.LOCAL_MAPS in self._sources and self._trail.travel_mm >= _MIN_TRAIL_MM:
             for match in self._matches(filter_, reflectors):
                 for row in _measurements(match, filter_.state):
-                    filter_.observe(row, limit=_JUMP_LIMITS[Source.LOCAL_MAPS])
+                    filter_.observe(row, limit=_JUMP_LIMITS[PoseSource.LOCAL_MAPS])
             self._trail.clear()  # so that each scan is used once
 
     def _relocate(self, filter_: PoseFilter, reflectors: Reflectors, scan: Floats) -> None:
@@ -224,7 +224,7 @@ class PoseTracker:
         )
         if self._lost_scans % interval == 1 and filter_.relocate(reflectors, scan):
             self._trail.clear()  # the time of the slip is unknown
-        elif Source.LOCAL_MAPS not in self._sources:
+        elif PoseSource.LOCAL_MAPS not in self._sources:
             return
         elif self._lost_scans % _LINES_AFTER_SCANS == 0 and self._trail.travel_mm >= _MIN_TRAIL_MM:
             self._match_lines(filter_, reflectors, scan)
@@ -262,14 +262,16 @@ def _blur_rad(last: Position | None, position: Position) -> float:
     return turned / ((position.t_ns - last.t_ns) / 1e9) * _TIMING_SIGMA_S
 
 
-def _measurements(match: WallMatch, state: Floats) -> tuple[Row, ...]:
+def _measurements(match: WallMatch, state: Floats) -> tuple[MeasurementRow, ...]:
     """Return the measurements by a matched wall: the heading, and the distance of the wall."""
     x, y, heading = state[:3].tolist()
     wall_distance = match.normal_x * x + match.normal_y * y + match.shift_mm
     turned = heading + math.radians(match.turn_deg)
     return (
-        Row(0.0, 0.0, 1.0, turned, math.radians(math.hypot(match.turn_sd_deg, _MIN_LINE_SIGMA_DEG))),
-        Row(
+        MeasurementRow(
+            0.0, 0.0, 1.0, turned, math.radians(math.hypot(match.turn_sd_deg, _MIN_LINE_SIGMA_DEG))
+        ),
+        MeasurementRow(
             match.normal_x,
             match.normal_y,
             0.0,
@@ -279,13 +281,13 @@ def _measurements(match: WallMatch, state: Floats) -> tuple[Row, ...]:
     )
 
 
-def step_between(last: Position, now: Position) -> Step:
+def step_between(last: Position, now: Position) -> OdometryStep:
     """Return the motion of the robot from one position to the next, in its own frame."""
     turned = math.radians(math.remainder(now.heading - last.heading, 360.0))
     heading = math.radians(last.heading)
     dx, dy = now.x - last.x, now.y - last.y
     sine, cosine = math.sin(heading), math.cos(heading)
-    return Step(-dx * sine + dy * cosine, -dx * cosine - dy * sine, turned)
+    return OdometryStep(-dx * sine + dy * cosine, -dx * cosine - dy * sine, turned)
 
 
 def position_at(t_ns: int, now: Position, last: Position | None) -> Position:

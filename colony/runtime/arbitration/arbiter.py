@@ -38,10 +38,11 @@ from colony.runtime.arbitration.ballot import (
     Ballot,
     Choice,
     ClientRanking,
+    FrameBounds,
     Interventions,
+    may_keep,
     request_error,
 )
-from colony.runtime.arbitration.frame_bounds import FrameBounds, may_keep
 from colony.runtime.protocol.deployment import ActuatorSpec
 from colony.runtime.protocol.messages import Bounds, Fate, Hold, Request, Tick, Verdict
 

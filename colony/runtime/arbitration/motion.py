@@ -124,7 +124,7 @@ class Halt:
     turn_acceleration: float
 
 
-class Progress(NamedTuple):
+class MotionProgress(NamedTuple):
     """Progress of a motion with an end: its origin, the maximum covered, and the time without progress."""
 
     origin: OdometerPose
@@ -139,7 +139,7 @@ class Move:
     distance: float
     velocity: float
     acceleration: float
-    progress: Progress | None = None
+    progress: MotionProgress | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -151,7 +151,7 @@ class Turn:
     acceleration: float
     braking: float
     """Deceleration, in mm/s^2, that ends forward motion."""
-    progress: Progress | None = None
+    progress: MotionProgress | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,7 +162,7 @@ class Arc:
     radius: float
     velocity: float
     acceleration: float
-    progress: Progress | None = None
+    progress: MotionProgress | None = None
 
 
 Motion = ConstantSpeeds | Go | Jog | Halt | Move | Turn | Arc
@@ -172,7 +172,7 @@ FiniteMotion = Move | Turn | Arc
 End = Literal["done", "stalled"]
 
 
-class Step(NamedTuple):
+class MotionStep(NamedTuple):
     """The speeds of a frame, the law's next value, and the end of the motion if it has ended."""
 
     speeds: Speeds
@@ -180,11 +180,11 @@ class Step(NamedTuple):
     end: End | None = None
 
 
-def step(motion: Motion, observation: BaseObservation) -> Step:
+def step(motion: Motion, observation: BaseObservation) -> MotionStep:
     """Return one frame of a motion."""
     match motion:
         case ConstantSpeeds():
-            return Step(motion.speeds, motion)
+            return MotionStep(motion.speeds, motion)
         case Go():
             return _go(motion, observation)
         case Jog():
@@ -192,9 +192,9 @@ def step(motion: Motion, observation: BaseObservation) -> Step:
                 observation.sent.velocity, motion.velocity, motion.acceleration * observation.dt_s
             )
             turn = approach(observation.sent.turn, -motion.rate, motion.turn_acceleration * observation.dt_s)
-            return Step(Speeds(velocity, turn), motion)
+            return MotionStep(Speeds(velocity, turn), motion)
         case Halt():
-            return Step(_halt(motion, observation), motion)
+            return MotionStep(_halt(motion, observation), motion)
         case Move() | Turn() | Arc():
             return _step_finite(motion, observation)
         case _:
@@ -318,17 +318,17 @@ def _halt(motion: Halt, observation: BaseObservation) -> Speeds:
     )
 
 
-def _go(motion: Go, observation: BaseObservation) -> Step:
+def _go(motion: Go, observation: BaseObservation) -> MotionStep:
     velocity = approach(observation.sent.velocity, motion.velocity, motion.acceleration * observation.dt_s)
     pose = observation.pose
     if pose is None or velocity == 0.0:
-        return Step(Speeds(velocity, 0.0), interrupt(motion))
+        return MotionStep(Speeds(velocity, 0.0), interrupt(motion))
     heading = pose.heading if motion.heading is None else motion.heading
     heading_error = heading - pose.heading
     integral = 0.0
     if motion.integrating:
         integral = min(max(motion.integral + heading_error * observation.dt_s, -MAX_INTEGRAL), MAX_INTEGRAL)
-    return Step(
+    return MotionStep(
         Speeds(velocity, _correction(heading_error, integral)),
         replace(motion, heading=heading, integral=integral),
     )
@@ -339,11 +339,11 @@ def _correction(heading_error: float, integral: float) -> float:
     return min(max(rate, -MAX_CORRECTION), MAX_CORRECTION)
 
 
-def _step_finite(motion: FiniteMotion, observation: BaseObservation) -> Step:
+def _step_finite(motion: FiniteMotion, observation: BaseObservation) -> MotionStep:
     pose = observation.pose
     if pose is None:  # a motion that cannot be measured is neither begun nor continued
-        return Step(STILL, motion)
-    progress = motion.progress or Progress(pose)
+        return MotionStep(STILL, motion)
+    progress = motion.progress or MotionProgress(pose)
     motion = replace(motion, progress=progress)
     if isinstance(motion, Move):
         total, tolerance = abs(motion.distance), DISTANCE_TOLERANCE_MM
@@ -352,15 +352,15 @@ def _step_finite(motion: FiniteMotion, observation: BaseObservation) -> Step:
     done = measure_progress(motion, pose)
     remaining = total - done
     if remaining <= tolerance:
-        return Step(STILL, motion, "done")
+        return MotionStep(STILL, motion, "done")
     if done > progress.done + tolerance:
         progress = progress._replace(done=done, stalled_s=0.0)
     else:
         progress = progress._replace(stalled_s=progress.stalled_s + observation.dt_s)
     motion = replace(motion, progress=progress)
     if progress.stalled_s > STALL_TIMEOUT_S:
-        return Step(STILL, motion, "stalled")
-    return Step(_speeds(motion, remaining, pose, observation), motion)
+        return MotionStep(STILL, motion, "stalled")
+    return MotionStep(_speeds(motion, remaining, pose, observation), motion)
 
 
 def _speeds(

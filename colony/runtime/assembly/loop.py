@@ -10,7 +10,9 @@ does, within its limits.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
 from typing import Any
 
 import msgspec
@@ -22,20 +24,21 @@ from colony.ir.types import ScalarValue, Value
 from colony.runtime.frames.publishing import Fields
 from colony.runtime.kit.commands import CommandPerformer
 from colony.runtime.kit.devices import DeviceReader, device_commands
+from colony.runtime.kit.errors import CallRefusedError, ServerNotFoundError
 from colony.runtime.kit.once import Report
-from colony.runtime.kit.script import Script
-from colony.runtime.kit.script_local import LocalScripts, LocalServer
-from colony.runtime.library.ask import Ask
+from colony.runtime.kit.script import Do, RunningScript, Script, ScriptScheduler
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.bindings import bind
-from colony.runtime.protocol.calls import CallId
+from colony.runtime.protocol.calls import LATER, CallId, Handler, Method, RefusedError
+from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import actuator_spec, variables_read
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.base import Base
-from colony.runtime.servers.base_actuator import speeds_of, values_of
 from colony.runtime.servers.commanding import NotSentError
-from colony.runtime.servers.cserver import Camera
+from colony.runtime.servers.cserver import SharedCamera
 from colony.runtime.servers.data_methods import DataMethods, set_commanded_variable
 from colony.runtime.servers.drivers import CameraDriver, Drivers
+from colony.runtime.servers.piloting import speeds_of, values_of
 from colony.runtime.servers.pserver import PServer
 from colony.runtime.servers.runtime_server import random_of_frame
 from colony.runtime.servers.semaphores import Semaphores
@@ -58,6 +61,99 @@ class _NullJournal(Journal):
 
     def drop(self, key: object) -> None:
         """Do nothing: nothing is kept."""
+
+
+class LocalServer:
+    """A server that is called in this process, without messages or connections. Mutable.
+
+    `handlers` are its methods by name.
+
+    Args:
+        address: the name of the server.
+        methods: all methods of the server.
+        answers: results, or refusals, of calls that returned `LATER`; the scripts' runner empties the list.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        methods: Iterable[Method],
+        answers: list[tuple[CallId, object]] | None = None,
+    ) -> None:
+        self.address = address
+        self.answers = [] if answers is None else answers
+        self.handlers: Mapping[str, Handler] = {m.name: m.handler for m in methods}
+
+    def do(self, call_id: CallId, call: CallRequest[Any], now_ns: int) -> Any:
+        """Return the result of a call, or `LATER` if the call has to wait.
+
+        Raises:
+            RefusedError: the server refuses the call.
+        """
+        handler = self.handlers.get(call.method)
+        if handler is None:
+            available = ", ".join(sorted(self.handlers))
+            raise RefusedError(
+                "method", f"{self.address} has no method `{call.method}` here; expected {available}"
+            )
+        result = handler(call_id, call.arguments, now_ns)
+        if isinstance(result, msgspec.Raw):
+            return _decoder(call.reply).decode(result)
+        if isinstance(result, dict):
+            decode = _decoder(Any).decode
+            return {name: decode(value) for name, value in result.items()}
+        return result
+
+
+@lru_cache(maxsize=64)
+def _decoder(reply: Any) -> msgspec.msgpack.Decoder[Any]:
+    return msgspec.msgpack.Decoder(reply)
+
+
+class LocalScripts(ScriptScheduler):
+    """Scripts whose calls go directly to the methods of servers. Mutable.
+
+    A script that waits for a semaphore resumes as soon as it is signaled, after those that are ready already.
+
+    Args:
+        scripts: the scripts by name, in the order in which they run at one instant.
+        servers: the servers that they may call.
+    """
+
+    def __init__(self, scripts: Mapping[str, Script], servers: Iterable[LocalServer]) -> None:
+        super().__init__(scripts, self._do, self._take_answers)
+        self._servers = {server.address: server for server in servers}
+        self._callers = {name: Caller(f"local/{name}", name, 0, "local") for name in scripts}
+        self._calls = itertools.count(1)
+        self._waiting: dict[CallId, RunningScript] = {}
+
+    def _do(self, running: RunningScript, step: Do, now_ns: int) -> Any:
+        server = self._servers.get(step.server)
+        if server is None:
+            available = ", ".join(self._servers)
+            raise ServerNotFoundError(f"there is no server `{step.server}` in this run; it has {available}")
+        call_id = CallId(self._callers[running.name], next(self._calls))
+        try:
+            result = server.do(call_id, step.call, now_ns)
+        except RefusedError as refused:
+            raise _call_refused(refused) from None
+        if result is LATER:
+            self._waiting[call_id] = running
+        return result
+
+    def _take_answers(self) -> None:
+        """Make the waiting scripts ready whose answers have arrived."""
+        if not self._waiting:
+            return
+        for server in self._servers.values():
+            for call_id, result in server.answers:
+                refused = _call_refused(result) if isinstance(result, RefusedError) else None
+                self.answer(self._waiting.pop(call_id), None, refused)
+            server.answers.clear()
+
+
+def _call_refused(refused: RefusedError) -> CallRefusedError:
+    return CallRefusedError(refused.problem.code, refused.problem.message)
 
 
 class LocalData(LocalServer):
@@ -87,11 +183,11 @@ class LocalCamera(LocalServer):
     """A camera server, called in this process. Mutable."""
 
     def __init__(self, address: str, driver: CameraDriver) -> None:
-        camera = Camera(address, driver)
+        camera = SharedCamera(address, driver)
         self.poll = camera.poll
         super().__init__(address, camera.methods, camera.answers)
 
-    def do(self, call_id: CallId, ask: Ask[Any], now_ns: int) -> Any:
+    def do(self, call_id: CallId, ask: CallRequest[Any], now_ns: int) -> Any:
         """Return the result of a call; a lock that it released takes effect at once."""
         result = super().do(call_id, ask, now_ns)
         self.poll(now_ns)

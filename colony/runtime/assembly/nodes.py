@@ -11,12 +11,9 @@ from typing import NamedTuple
 from colony.execute.compiled import Compiled
 from colony.execute.executor import ModuleExecutor, ProgramExecutor
 from colony.execute.needs import BOUNDS, ClientKey, clients_view, needs_of_clients
-from colony.runtime.clients.announcer import Announcer
-from colony.runtime.clients.client import ClientNode
-from colony.runtime.clients.client_program import ClientProgram
+from colony.runtime.clients.client import Announcer, ClientNode, ClientProgram
 from colony.runtime.frames.assembler import Awaited, FrameAssembler, frames_to_keep
-from colony.runtime.observe.monitor import Monitor
-from colony.runtime.observe.observer import Observer, Sink
+from colony.runtime.observe.observer import Monitor, Observer, Sink
 from colony.runtime.protocol.bindings import Bindings, SensorBinding
 
 

@@ -24,13 +24,12 @@ from colony.execute.executor import ModuleExecutor, ProgramExecutor
 from colony.execute.intake import converted
 from colony.ir.frame import Answer, Frame, Reading
 from colony.runtime.arbitration.arbiter import Arbiter, timing
-from colony.runtime.clients.client_program import ClientProgram
+from colony.runtime.clients.client import ClientProgram
 from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler, frames_to_keep
-from colony.runtime.frames.liveness import TickAnswers
+from colony.runtime.frames.registry import TickAnswers
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.observe.closing import close_all
-from colony.runtime.observe.monitor import Monitor
-from colony.runtime.observe.observer import KeyframeSchedule, Sink
+from colony.runtime.observe.observer import KeyframeSchedule, Monitor, Sink
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import (

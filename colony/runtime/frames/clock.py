@@ -30,10 +30,15 @@ from pathlib import Path
 
 from colony.ir.servers import DSERVER
 from colony.runtime.arbitration.stop_latch import StopLatch
-from colony.runtime.frames.liveness import Liveness, TickAnswers, lease
 from colony.runtime.frames.publishing import FRAME_BYTES, FRAMES_KEPT, FetchBudget
-from colony.runtime.frames.registry import ClientRegistry
-from colony.runtime.frames.resumption import ResumedEpoch, Resumption
+from colony.runtime.frames.registry import (
+    ClientRegistry,
+    Liveness,
+    ResumedEpoch,
+    Resumption,
+    TickAnswers,
+    lease,
+)
 from colony.runtime.library.clock import Participants, ServerParticipant
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import (
@@ -45,10 +50,10 @@ from colony.runtime.protocol.calls import (
     RefusedError,
     method,
 )
+from colony.runtime.protocol.codec import FRAME_NUMBER_NS, MAX_CLOCK_LEAD_NS, MAX_GAPS
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, Deployment, client_addresses
+from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, Deployment, Leadership, client_addresses
 from colony.runtime.protocol.interface import Interface, interface_problem
-from colony.runtime.protocol.leadership import Leadership
 from colony.runtime.protocol.messages import (
     Alive,
     Announcement,
@@ -59,15 +64,14 @@ from colony.runtime.protocol.messages import (
     Message,
     Ready,
     Restart,
-    Send,
+    SendMessage,
     ServerFrame,
     Stopped,
     Tick,
     Verdict,
     Wake,
+    WakeSchedule,
 )
-from colony.runtime.protocol.plausibility import FRAME_NUMBER_NS, MAX_CLOCK_LEAD_NS, MAX_GAPS
-from colony.runtime.protocol.wakes import WakeSchedule
 
 IDLE_FRAME_NS = 50_000_000
 """Frame period of a robot without a program, in nanoseconds."""
@@ -190,7 +194,7 @@ class Clock:
                     size = FRAME_BYTES * (1 + len(tick.lost) + len(tick.void))
                     if self._fetch_budget.take(self.address, message.k, size):
                         # not on the topic of ticks: a restarted server would take it for a new tick
-                        yield Send(topics.frames(self.address), tick)
+                        yield SendMessage(topics.frames(self.address), tick)
             case Ready():
                 self._take_ready(message, now_ns)
             case Restart():
@@ -408,10 +412,10 @@ class Clock:
         self._tick, self._next_k = tick, k + 1
         self._decided.clear()
         self._fetch_budget.reset()
-        yield Send(topics.TICKS, tick)
+        yield SendMessage(topics.TICKS, tick)
         for server, missing in overdue:
             publisher = DSERVER.name if server in self._announcers() else server
-            yield Send(topics.fetches(publisher), Fetch(server=server, k=missing))
+            yield SendMessage(topics.fetches(publisher), Fetch(server=server, k=missing))
 
     # --- participants ----------------------------------------------------------------------------------
 

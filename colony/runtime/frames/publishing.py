@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.messages import Effect, Fetch, Sample, Send, ServerFrame, Stopped, Tick
+from colony.runtime.protocol.messages import Effect, Fetch, Sample, SendMessage, ServerFrame, Stopped, Tick
 
 Fields = Mapping[str, Sample | None]
 
@@ -111,7 +111,7 @@ class Publisher:
             frame = self._tick(message)
         else:
             frame = self._fetch(message.k)
-        return () if frame is None else (Send(topics.frames(self._server), frame),)
+        return () if frame is None else (SendMessage(topics.frames(self._server), frame),)
 
     def _tick(self, tick: Tick) -> ServerFrame | None:
         k = tick.k

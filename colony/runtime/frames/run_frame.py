@@ -22,7 +22,7 @@ class Keyframe(NamedTuple):
     degraded: bool = False
 
 
-class Place(NamedTuple):
+class FilePosition(NamedTuple):
     """A place in the file of a recording: an offset, and what a reader must know that starts there.
 
     `start` is the first frame of the epoch, and `topics` are the channels of an MCAP file, by number.
@@ -72,7 +72,7 @@ class RunFrame:
     disagreements: tuple[str, ...] = ()
     requests: tuple[Request, ...] = ()
     damaged: bool = False
-    place: Place | None = None
+    place: FilePosition | None = None
 
     @property
     def begins_epoch(self) -> bool:

@@ -26,7 +26,7 @@ from colony.runtime.kit.connection import (
 from colony.runtime.kit.conversation import Outcome
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.hub import Hub
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.messages import Notice
 from colony.runtime.transport.live.network import require_threads
 from colony.runtime.transport.live.robot_address import Credentials
@@ -34,10 +34,10 @@ from colony.runtime.transport.live.robot_address import Credentials
 T = TypeVar("T")
 
 
-class Connection:
+class AsyncConnection:
     """A connection between this program and one server, for the tasks of one event loop.
 
-    Mutable. Created by `connect` and `Session.connect`.
+    Mutable. Created by `connect` and `AsyncSession.connect`.
     """
 
     def __init__(self, hub: Hub, server: str, *, name: str, priority: int, timeout_s: float) -> None:
@@ -48,7 +48,7 @@ class Connection:
         self._notices: asyncio.Queue[Notice] = asyncio.Queue()
         self._channel = hub.channel(server, name=name, priority=priority, notify=self._notify)
 
-    async def do(self, call: Ask[T], *, timeout_s: float | None = None) -> T:
+    async def do(self, call: CallRequest[T], *, timeout_s: float | None = None) -> T:
         """Make a call to the server, and wait for the result.
 
         Raises:
@@ -68,7 +68,7 @@ class Connection:
         finally:
             self._channel.forget(pending)
 
-    async def keep(self, call: Ask[T]) -> T:
+    async def keep(self, call: CallRequest[T]) -> T:
         """Make a call, such as a watch, immediately and each time the connection is reopened."""
         result = await self.do(call)
         self._channel.repeat_on_reopen(call)
@@ -129,7 +129,7 @@ class Connection:
             self._loop.call_soon_threadsafe(work)
 
 
-class Session:
+class AsyncSession:
     """A process's session with a robot, shared by its connections. Mutable."""
 
     def __init__(self, hub: Hub) -> None:
@@ -144,7 +144,7 @@ class Session:
         gateway: str | None = None,
         credentials: Credentials | None = None,
         environment: Mapping[str, str] = os.environ,
-    ) -> AsyncIterator[Session]:
+    ) -> AsyncIterator[AsyncSession]:
         """Open a session with a robot until the end of the `async with`.
 
         Raises:
@@ -162,9 +162,9 @@ class Session:
     @asynccontextmanager
     async def connect(
         self, server: str, *, name: str | None = None, priority: int = 0, timeout_s: float = TIMEOUT_S
-    ) -> AsyncIterator[Connection]:
+    ) -> AsyncIterator[AsyncConnection]:
         """Connect to a server of the robot until the end of the `async with`; see `connect`."""
-        connection = Connection(
+        connection = AsyncConnection(
             self.hub, server, name=name or program_name(), priority=priority, timeout_s=timeout_s
         )
         try:
@@ -185,12 +185,14 @@ async def connect(
     gateway: str | None = None,
     credentials: Credentials | None = None,
     environment: Mapping[str, str] = os.environ,
-) -> AsyncIterator[Connection]:
+) -> AsyncIterator[AsyncConnection]:
     """Connect to a server of a robot until the end of the `async with`.
 
     Arguments and errors are those of `connection.connect`.
     """
-    opening_session = Session.open(robot, gateway=gateway, credentials=credentials, environment=environment)
+    opening_session = AsyncSession.open(
+        robot, gateway=gateway, credentials=credentials, environment=environment
+    )
     async with (
         opening_session as session,
         session.connect(server, name=name, priority=priority, timeout_s=timeout_s) as connection,

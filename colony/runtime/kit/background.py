@@ -28,6 +28,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 
+from colony.backoff import Backoff
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
 from colony.runtime.servers.drivers import Reading
@@ -68,10 +69,17 @@ class BlockingDevice(ABC):
         """Release the device."""
 
 
-def next_pause_s(pause_s: float, worked_s: float) -> float:
-    """Return the pause after a failure, given the last pause (0 for none) and how long the device worked."""
-    is_first = pause_s == 0.0 or worked_s >= STABLE_S
-    return FIRST_PAUSE_S if is_first else min(2.0 * pause_s, LONGEST_PAUSE_S)
+class DeviceBackoff(Backoff[float]):
+    """The pauses in seconds between the failures of a device and its next openings. Mutable."""
+
+    def __init__(self) -> None:
+        super().__init__(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+
+    def after(self, worked_s: float) -> float:
+        """Return the pause after a failure of a device that had worked for so many seconds."""
+        if worked_s >= STABLE_S:
+            self.reset()
+        return self.next()
 
 
 def _to_stderr(problem: str) -> None:
@@ -186,7 +194,7 @@ class Background:
     # --- the threads ---------------------------------------------------------------------------------
 
     def _run_reader(self) -> None:
-        pause_s = 0.0
+        pauses = DeviceBackoff()
         while not self._closed.is_set():
             device, began_ns = None, self._clock()
             try:
@@ -196,8 +204,7 @@ class Background:
                     self._read(device)
             except (Exception, SystemExit) as problem:
                 self._lose(device, problem)
-            pause_s = next_pause_s(pause_s, (self._clock() - began_ns) / 1e9)
-            self._closed.wait(pause_s)
+            self._closed.wait(pauses.after((self._clock() - began_ns) / 1e9))
 
     def _adopt(self, device: BlockingDevice) -> bool:
         """Take commands for a device from now on; False, and release it, if the driver is closed already."""

@@ -16,17 +16,17 @@ import zenoh
 
 from colony.runtime.kit.conversation import (
     Conversation,
+    ConversationState,
     Deliver,
     Effect,
     Listen,
     Outcome,
     Pending,
     Resolve,
-    State,
     Transmit,
 )
 from colony.runtime.kit.errors import CallRefusedError
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.calls import right_text
 from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
@@ -117,7 +117,7 @@ class Channel:
             effects = list(self._conversation.open(resolve, monotonic()))
         self._carry_out(effects)
 
-    def submit(self, call: Ask[Any], resolve: Callable[[Outcome], None]) -> Pending:
+    def submit(self, call: CallRequest[Any], resolve: Callable[[Outcome], None]) -> Pending:
         """Make a call; `resolve` is called with its outcome, from any thread.
 
         Raises:
@@ -144,7 +144,7 @@ class Channel:
         with self._lock:
             self._conversation.forget(pending)
 
-    def repeat_on_reopen(self, call: Ask[Any]) -> None:
+    def repeat_on_reopen(self, call: CallRequest[Any]) -> None:
         """Make this call again whenever the connection is reopened."""
         with self._lock:
             self._conversation.repeat_on_reopen(call)
@@ -169,7 +169,7 @@ class Channel:
     @property
     def is_open(self) -> bool:
         """True if, as far as is known, the server has this connection."""
-        return self._conversation.state is State.OPEN
+        return self._conversation.state is ConversationState.OPEN
 
     # --- for the hub ---------------------------------------------------------------------------------
 
@@ -230,7 +230,7 @@ class Channel:
                 publisher = self._publishers[key, may_block] = _Publisher(zenoh_publisher)
             publisher.put(codec.encode(message))
 
-    def _not_allowed(self, call: Ask[Any]) -> str:
+    def _not_allowed(self, call: CallRequest[Any]) -> str:
         may = ", ".join(map(right_text, self._rights))
         return (
             f"{self.server}.{call.method} needs the right to {right_text(call.right)}, and "

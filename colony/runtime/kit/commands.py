@@ -31,8 +31,7 @@ from colony.runtime.kit.description import (
 )
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text, headline
 from colony.runtime.protocol.deployment import ActuatorSpec
-from colony.runtime.servers.built_in import absent, built_in_actuator, expected_of
-from colony.runtime.servers.commanding import NotSentError
+from colony.runtime.servers.commanding import NotSentError, absent, built_in_actuator, expected_of
 
 
 class Parameter(NamedTuple):

@@ -23,14 +23,14 @@ from queue import Empty, SimpleQueue
 from threading import TIMEOUT_MAX, Lock
 from typing import Any, Generic, TypeVar
 
-from colony.runtime.kit.answers import TIMEOUT_S as TIMEOUT_S
-from colony.runtime.kit.answers import answer_timeout as answer_timeout
-from colony.runtime.kit.answers import read_result as read_result
 from colony.runtime.kit.channel import Channel
+from colony.runtime.kit.conversation import TIMEOUT_S as TIMEOUT_S
 from colony.runtime.kit.conversation import Outcome
+from colony.runtime.kit.conversation import answer_timeout as answer_timeout
+from colony.runtime.kit.conversation import read_result as read_result
 from colony.runtime.kit.errors import CallTimeoutError, RobotConnectionError
 from colony.runtime.kit.hub import Hub
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.messages import Notice
 from colony.runtime.transport.live.network import require_threads
 from colony.runtime.transport.live.robot_address import Credentials
@@ -45,10 +45,10 @@ MAX_NOTICES = 1024
 """Maximum number of unread notices; beyond it, the oldest are dropped."""
 
 
-class Answer(Generic[T]):
+class PendingAnswer(Generic[T]):
     """The future answer to a call. Mutable until it arrives."""
 
-    def __init__(self, channel: Channel, call: Ask[T], timeout_s: float) -> None:
+    def __init__(self, channel: Channel, call: CallRequest[T], timeout_s: float) -> None:
         self._channel = channel
         self._call = call
         self._due = time.monotonic() + timeout_s
@@ -87,7 +87,7 @@ class Connection:
         self.server = server
         self._hub = hub
         self._timeout_s = timeout_s
-        self._unreceived: deque[Answer[Any]] = deque()
+        self._unreceived: deque[PendingAnswer[Any]] = deque()
         self._notices: deque[Notice] = deque(maxlen=MAX_NOTICES)
         self._notice_signals: SimpleQueue[None] = SimpleQueue()
         self._resources = ExitStack()
@@ -99,7 +99,7 @@ class Connection:
             self.close()
             raise
 
-    def do(self, call: Ask[T], *, timeout_s: float | None = None) -> T:
+    def do(self, call: CallRequest[T], *, timeout_s: float | None = None) -> T:
         """Make a call to the server, and wait for the result.
 
         Raises:
@@ -110,7 +110,7 @@ class Connection:
         """
         return self._answer(call, timeout_s).result()
 
-    def send(self, call: Ask[T], *, timeout_s: float | None = None) -> Answer[T]:
+    def send(self, call: CallRequest[T], *, timeout_s: float | None = None) -> PendingAnswer[T]:
         """Make a call without waiting; `result` of the answer, or `recv`, waits."""
         answer = self._answer(call, timeout_s)
         self._unreceived.append(answer)
@@ -127,7 +127,7 @@ class Connection:
             raise LookupError(f"every call sent to {self.server} was received already")
         return self._unreceived.popleft().result()
 
-    def keep(self, call: Ask[T]) -> T:
+    def keep(self, call: CallRequest[T]) -> T:
         """Make a call, such as a watch, immediately and each time the connection is reopened."""
         result = self.do(call)
         self._channel.repeat_on_reopen(call)
@@ -172,8 +172,8 @@ class Connection:
         """Close the connection."""
         self.close()
 
-    def _answer(self, call: Ask[T], timeout_s: float | None) -> Answer[T]:
-        return Answer(self._channel, call, answer_timeout(call, timeout_s, self._timeout_s))
+    def _answer(self, call: CallRequest[T], timeout_s: float | None) -> PendingAnswer[T]:
+        return PendingAnswer(self._channel, call, answer_timeout(call, timeout_s, self._timeout_s))
 
     def _open(self) -> None:
         ready: SimpleQueue[Outcome] = SimpleQueue()
@@ -303,7 +303,7 @@ def opening_timeouts(timeout_s: float) -> tuple[float, ...]:
     return (first, timeout_s - first)
 
 
-def timeout_error(channel: Channel, call: Ask[Any], timeout_s: float) -> CallTimeoutError:
+def timeout_error(channel: Channel, call: CallRequest[Any], timeout_s: float) -> CallTimeoutError:
     """Return the error for a call that timed out."""
     text = f"{channel.server} did not answer `{call.method}` in {timeout_s:g} s"
     if not channel.is_open:

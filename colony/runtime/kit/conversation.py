@@ -13,15 +13,20 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 
+from colony.backoff import Backoff
 from colony.runtime.kit.errors import CallRefusedError, ConnectionLostError, RobotConnectionError
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import EMERGENCY_STOP, NoArguments, Open
 from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.protocol.messages import Alive, Call, Notice, Reply, Right
+
+# --- conversation --------------------------------------------------------------------------------------
+
 
 KEEPALIVE_NS = 150_000_000
 """Nanoseconds without a message after which a sign of life is due; checking every 100 ms suffices."""
@@ -47,12 +52,12 @@ class Pending:
         CallRefusedError: the arguments are too large.
     """
 
-    call: Ask[Any]
+    call: CallRequest[Any]
     resolve: Callable[[Outcome], None]
     arguments: bytes = b""
     message: Call | None = None
     sent_ns: int = 0
-    resend_pause_ns: int = FIRST_RESEND_PAUSE_NS
+    resends: Backoff[int] = field(default_factory=lambda: Backoff(FIRST_RESEND_PAUSE_NS, MAX_RESEND_PAUSE_NS))
 
     def __post_init__(self) -> None:
         """Encode the arguments and check their size."""
@@ -90,7 +95,7 @@ class Deliver(NamedTuple):
 Effect = Listen | Transmit | Resolve | Deliver
 
 
-class State(Enum):
+class ConversationState(Enum):
     """The state of a connection."""
 
     OPENING = "opening"
@@ -117,7 +122,7 @@ class Conversation:
     name: str
     priority: int
     default_right: Right = "read"
-    state: State = State.CLOSED
+    state: ConversationState = ConversationState.CLOSED
     connection: str = ""
     openings: int = 0
     server_error: str = ""
@@ -125,32 +130,32 @@ class Conversation:
     _opening: Pending | None = None
     _sent: dict[int, Pending] = field(default_factory=dict)
     _unsent: list[Pending] = field(default_factory=list)
-    _repeated_on_reopen: list[Ask[Any]] = field(default_factory=list)
+    _repeated_on_reopen: list[CallRequest[Any]] = field(default_factory=list)
     _last_sent_ns: int = 0
 
     def open(self, resolve: Callable[[Outcome], None], now_ns: int) -> Iterator[Effect]:
         """Open the connection, for the first time or again."""
-        self.state = State.OPENING
+        self.state = ConversationState.OPENING
         if not self.connection:
             self.connection = f"{self.user}/{self.new_id()}"
             yield Listen(self.connection)
-        call = Ask("open", Open(name=self.name), None, self.default_right, repeatable=True)
+        call = CallRequest("open", Open(name=self.name), None, self.default_right, repeatable=True)
         self._opening = Pending(call, resolve)
         yield self._transmit(self._opening, now_ns)
 
     def submit(self, pending: Pending, now_ns: int) -> Iterator[Effect]:
         """Make a call, now or when the connection is open again."""
         match self.state:
-            case State.OPEN:
+            case ConversationState.OPEN:
                 yield self._transmit(pending, now_ns)
-            case State.OPENING if _is_urgent(pending):
+            case ConversationState.OPENING if _is_urgent(pending):
                 yield self._transmit(pending, now_ns)
-            case State.OPENING:
+            case ConversationState.OPENING:
                 self._unsent.append(pending)
-            case State.CLOSED:
+            case ConversationState.CLOSED:
                 yield Resolve(pending, ConnectionLostError(f"the connection to {self.server} was closed"))
 
-    def repeat_on_reopen(self, call: Ask[Any]) -> None:
+    def repeat_on_reopen(self, call: CallRequest[Any]) -> None:
         """Make this call again whenever the connection is reopened."""
         self._repeated_on_reopen.append(call)
 
@@ -168,12 +173,12 @@ class Conversation:
 
     def receive(self, message: Reply | Notice, now_ns: int) -> Iterator[Effect]:
         """Handle a reply or notice from the server; ignore one for another connection."""
-        if message.connection != self.connection or self.state is State.CLOSED:
+        if message.connection != self.connection or self.state is ConversationState.CLOSED:
             return
         if isinstance(message, Notice):
             yield Deliver(message)
         elif message.problem is not None and message.problem.code == "closed":
-            if self.state is State.OPEN:  # otherwise, the reply is to an earlier message
+            if self.state is ConversationState.OPEN:  # otherwise, the reply is to an earlier message
                 yield from self.reopen(now_ns)
         elif message.number == 0:
             self.server_error = "" if message.problem is None else message.problem.message
@@ -182,7 +187,7 @@ class Conversation:
 
     def reopen(self, now_ns: int) -> Iterator[Effect]:
         """Reopen the connection, which the server no longer has."""
-        if self.state is State.CLOSED:
+        if self.state is ConversationState.CLOSED:
             return
         lost = ConnectionLostError(
             f"the connection to {self.server} was lost before the answer; it is unknown whether the call "
@@ -195,7 +200,7 @@ class Conversation:
 
     def server_lost(self) -> Iterator[Effect]:
         """Handle the loss of the server: fail the calls that cannot be repeated."""
-        if self.state is not State.CLOSED:
+        if self.state is not ConversationState.CLOSED:
             lost = ConnectionLostError(
                 f"{self.server} went away before it answered; it is unknown whether the call was "
                 "executed, so it is not repeated"
@@ -204,31 +209,31 @@ class Conversation:
 
     def server_found(self, now_ns: int) -> Iterator[Effect]:
         """Handle the return of the server: check immediately whether it knows this connection."""
-        if self.state is State.OPEN:
+        if self.state is ConversationState.OPEN:
             yield self._keepalive(now_ns)
-        elif self.state is State.OPENING and self._opening is not None:
+        elif self.state is ConversationState.OPENING and self._opening is not None:
             yield self._transmit(self._opening, now_ns)
 
     def poll(self, now_ns: int) -> Iterator[Effect]:
         """Resend calls and send a sign of life, if due; to be called often."""
-        if self.state is State.CLOSED:
+        if self.state is ConversationState.CLOSED:
             return
         unanswered = tuple(self._sent.values())
         if self._opening is not None:
             unanswered = (self._opening, *filter(_is_urgent, unanswered))
         for pending in unanswered:
-            if now_ns - pending.sent_ns >= pending.resend_pause_ns:
-                pending.resend_pause_ns = min(2 * pending.resend_pause_ns, MAX_RESEND_PAUSE_NS)
+            if now_ns - pending.sent_ns >= pending.resends.pause:
+                pending.resends.next()
                 yield self._transmit(pending, now_ns)
-        if self.state is State.OPEN and now_ns - self._last_sent_ns >= KEEPALIVE_NS:
+        if self.state is ConversationState.OPEN and now_ns - self._last_sent_ns >= KEEPALIVE_NS:
             yield self._keepalive(now_ns)
 
     def close(self, now_ns: int) -> Iterator[Effect]:
         """Close the connection: notify the server, and fail the calls without an answer."""
-        if self.state is State.OPEN:
-            call = Ask("close", NoArguments(), None, self.default_right)
+        if self.state is ConversationState.OPEN:
+            call = CallRequest("close", NoArguments(), None, self.default_right)
             yield self._transmit(Pending(call, _ignore), now_ns)
-        self.state = State.CLOSED
+        self.state = ConversationState.CLOSED
         ended = ConnectionLostError(f"the connection to {self.server} was closed before the answer")
         for pending in (*self._sent.values(), *self._unsent):
             yield Resolve(pending, ended)
@@ -256,7 +261,7 @@ class Conversation:
             yield Resolve(pending, outcome)
 
     def _on_opened(self, now_ns: int) -> Iterator[Effect]:
-        self.state = State.OPEN
+        self.state = ConversationState.OPEN
         self.openings += 1
         self.server_error = ""
         resend = tuple(self._sent.values())
@@ -305,3 +310,51 @@ def _is_urgent(pending: Pending) -> bool:
 
 def _ignore(outcome: Outcome) -> None:
     """Ignore an outcome."""
+
+
+# --- answers -------------------------------------------------------------------------------------------
+#
+# Timeouts and results of calls, for all kinds of connections.
+
+
+T = TypeVar("T")
+
+TIMEOUT_S = 5.0
+"""Default timeout of a call, in seconds."""
+
+
+def answer_timeout(call: CallRequest[Any], requested_s: float | None, default_s: float) -> float:
+    """Return the timeout in seconds: `requested_s`; if None, `default_s`, or longer if the call needs it.
+
+    Raises:
+        TypeError: `call` is not a call of a library.
+    """
+    if not isinstance(call, CallRequest):
+        hint = ": call it" if callable(call) else ""
+        raise TypeError(
+            f"not a call: {call!r}{hint}; expected the result of a library function, such as robot.go(200)"
+        )
+    if requested_s is not None:
+        return requested_s
+    return default_s if call.wait_s is None else max(default_s, call.wait_s)
+
+
+def read_result(server: str, call: CallRequest[T], outcome: Outcome) -> T:
+    """Return the result of a call.
+
+    Raises:
+        CallRefusedError, ConnectionLostError: the call has no result.
+    """
+    if isinstance(outcome, RobotConnectionError):
+        raise outcome
+    try:
+        result: T = _decoder(call.reply).decode(outcome)
+    except msgspec.DecodeError as problem:
+        text = f"{server}.{call.method} returned an invalid result: {problem}"
+        raise CallRefusedError("reply", text) from None
+    return result
+
+
+@lru_cache(maxsize=256)
+def _decoder(result: Any) -> msgspec.msgpack.Decoder[Any]:
+    return msgspec.msgpack.Decoder(result)

@@ -18,8 +18,13 @@ from colony.ir.servers import CommandSpec, FieldSpec, ParameterSpec, ServerSpec
 from colony.ir.types import BOOL, Array, Bool, Enum, ScalarValue, Value, element_type, is_percent
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields
 from colony.runtime.kit.commands import Command, in_units
-from colony.runtime.kit.description import CommandDescription, FieldDescription, ParameterDescription
-from colony.runtime.kit.fields import InvalidReadingError, age_in_ns
+from colony.runtime.kit.description import (
+    CommandDescription,
+    FieldDescription,
+    InvalidReadingError,
+    ParameterDescription,
+    age_in_ns,
+)
 from colony.runtime.kit.once import OnceReporter, Report, failure_text
 from colony.runtime.kit.service import Service
 from colony.runtime.protocol.deployment import Deployment

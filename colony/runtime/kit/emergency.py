@@ -15,10 +15,9 @@ from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 
 from colony.ir.servers import PROXIMITY, RUNTIME
-from colony.runtime.kit.answers import read_result
 from colony.runtime.kit.channel import Channel
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.conversation import Outcome, Pending
+from colony.runtime.kit.conversation import Outcome, Pending, read_result
 from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError
 from colony.runtime.library import emergency
 from colony.runtime.library.leader import LEADER

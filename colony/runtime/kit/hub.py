@@ -25,12 +25,11 @@ from colony.runtime.protocol import codec
 from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import Notice, Reply, Right
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.endpoint import parse_endpoint
-from colony.runtime.transport.live.errors import UnreachableError
-from colony.runtime.transport.live.gateway import GATEWAY, Identity, whoami
+from colony.runtime.transport.live.configuration import parse_endpoint
+from colony.runtime.transport.live.gateway import GATEWAY, UserIdentity, whoami
 from colony.runtime.transport.live.network import ZenohSession, is_forked, require_threads
 from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress, local
-from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory
+from colony.runtime.transport.live.run_directory import RobotDirectory, RunDirectory, UnreachableError
 from colony.runtime.transport.live.security import check_credentials, rights
 
 LOGIN_TIMEOUT_S = 2.0
@@ -265,7 +264,7 @@ def _rights(network: ZenohSession) -> tuple[Right, ...]:
         hub.close()
     if isinstance(outcome, RobotConnectionError):
         raise outcome
-    return rights(msgspec.msgpack.decode(outcome, type=Identity).may)
+    return rights(msgspec.msgpack.decode(outcome, type=UserIdentity).may)
 
 
 def _ignore(anything: object) -> None:

@@ -13,10 +13,10 @@ from colony.ir.servers import DSERVER, PROXIMITY, RSERVER, RUNTIME
 from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError
 from colony.runtime.library import actuator
-from colony.runtime.library.ask import STATUS, Ask
+from colony.runtime.library.ask import STATUS, CallRequest
 from colony.runtime.library.clock import Participants, participants
 from colony.runtime.library.leader import LEADER, RunStatus, run_status
-from colony.runtime.library.robot import Arbitration, arbitration
+from colony.runtime.library.robot import BaseArbitration, arbitration
 from colony.runtime.protocol.calls import ConnectionStatus
 from colony.runtime.protocol.topics import CLOCK, OBSERVER
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
@@ -75,7 +75,7 @@ class RobotState(msgspec.Struct, frozen=True, kw_only=True, rename={"participant
     robot: str
     servers: tuple[ServerState, ...]
     run: RunStatus | None
-    arbitration: Arbitration | None
+    arbitration: BaseArbitration | None
     participants: Participants | None
     actuators: dict[str, actuator.Arbitration] = {}
 
@@ -109,7 +109,7 @@ def state_of(session: Session, robot_address: RobotAddress) -> RobotState:
         robot=robot_address.robot,
         servers=tuple(states[name] for name in sorted(states, key=_order)),
         run=_details(answers.get(LEADER), RunStatus),
-        arbitration=_details(answers.get(RSERVER.name), Arbitration),
+        arbitration=_details(answers.get(RSERVER.name), BaseArbitration),
         participants=known,
         actuators={
             name: details
@@ -150,7 +150,7 @@ def _order(name: str) -> tuple[int, str]:
     return (_ORDER.index(name) if name in _ORDER else len(_ORDER), name)
 
 
-_DETAIL_CALLS: dict[str, Callable[[], Ask[Any]]] = {
+_DETAIL_CALLS: dict[str, Callable[[], CallRequest[Any]]] = {
     CLOCK: participants,
     RSERVER.name: arbitration,
     LEADER: run_status,
@@ -202,7 +202,7 @@ def _ask_details(connection: Connection, name: str) -> object:
     """
     if name in CORE_SERVERS and name not in _DETAIL_CALLS:
         return None
-    details: Callable[[], Ask[Any]] = _DETAIL_CALLS.get(name, actuator.arbitration)
+    details: Callable[[], CallRequest[Any]] = _DETAIL_CALLS.get(name, actuator.arbitration)
     try:
         return connection.do(details())
     except CallRefusedError:  # a base over the driver of a user, for example, is a device like others

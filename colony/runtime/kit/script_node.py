@@ -4,15 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Any
+from typing import NamedTuple
 
-from colony.runtime.kit.answers import TIMEOUT_S, answer_timeout, read_result
-from colony.runtime.kit.conversation import Conversation, Deliver, Listen, Outcome, Pending, Resolve, Transmit
+from colony.runtime.kit.conversation import (
+    TIMEOUT_S,
+    Conversation,
+    Deliver,
+    Listen,
+    Outcome,
+    Pending,
+    Resolve,
+    Transmit,
+    answer_timeout,
+    read_result,
+)
 from colony.runtime.kit.conversation import Effect as ConversationEffect
 from colony.runtime.kit.errors import CallTimeoutError, RobotConnectionError, ServerNotFoundError
-from colony.runtime.kit.script import Do, Script, Sleep
+from colony.runtime.kit.script import Do, RunningScript, Script, ScriptError, ScriptScheduler
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.messages import Effect, Message, Notice, Reply, Send, Wake, WakeAt
+from colony.runtime.protocol.calls import LATER
+from colony.runtime.protocol.messages import Effect, Message, Notice, Reply, SendMessage, Wake, WakeAt
 
 POLL_INTERVAL_NS = 100_000_000
 """Nanoseconds between two calls of `poll` of the connections."""
@@ -42,9 +53,9 @@ class ScriptNode:
         delay_ns: int = 0,
     ) -> None:
         self.address = f"{USER}/{name}"
-        self.ended = False
         self.problem: Exception | None = None
-        self._script = script
+        self._name = name
+        self._scripts = ScriptScheduler({name: script}, self._call)
         self._delay_ns = delay_ns
         self._conversations = {
             server: Conversation(
@@ -58,19 +69,23 @@ class ScriptNode:
             for server in servers
         }
         self.listens = tuple(topics.replies(server, f"{USER}/{name}.{server}") for server in servers)
-        self._started = False
-        self._wake_ns: int | None = None
-        self._pending_call: tuple[int, Pending, str, float] | None = None
-        self._answer: Outcome | None = None
+        self._start_ns = self._wake_ns = 0
+        self._waiting: _Waiting | None = None
+        self._effects: list[Effect] = []
         self._next_poll_ns = 0
+
+    @property
+    def ended(self) -> bool:
+        """True if the script has reached its end, or raised an exception."""
+        return self._scripts.has_ended(self._name)
 
     def start(self, now_ns: int) -> Iterator[Effect]:
         """Open the connections and schedule the script's start."""
         for server, conversation in self._conversations.items():
-            yield from self._carry_out(server, conversation.open(_ignore, now_ns), now_ns)
-        self._wake_ns = now_ns + self._delay_ns
+            yield from self._carry_out(server, conversation.open(_ignore, now_ns))
+        self._start_ns = self._wake_ns = now_ns + self._delay_ns
         self._next_poll_ns = now_ns + POLL_INTERVAL_NS
-        yield WakeAt(self._wake_ns)
+        yield WakeAt(self._start_ns)
         yield WakeAt(self._next_poll_ns)
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
@@ -78,77 +93,53 @@ class ScriptNode:
         match message:
             case Reply() | Notice():
                 for server, conversation in self._conversations.items():
-                    yield from self._carry_out(server, conversation.receive(message, now_ns), now_ns)
+                    yield from self._carry_out(server, conversation.receive(message, now_ns))
             case Wake():
                 yield from self._on_wake(now_ns)
             case _:
                 return
-        yield from self._continue(now_ns)
+        if not self.ended and now_ns >= self._start_ns:
+            yield from self._continue(now_ns)
 
     def close(self) -> None:
         """End the script where it is."""
-        self._script.close()
+        self._scripts.close()
 
     # --- the script ------------------------------------------------------------------------------------
 
     def _continue(self, now_ns: int) -> Iterator[Effect]:
-        """Resume the script as long as its answer has arrived or its sleep is over."""
-        while not self.ended:
-            if self._wake_ns is not None and now_ns >= self._wake_ns:
-                resumed, self._started, self._wake_ns = self._started, True, None
-                yield from self._resume(now_ns if resumed else None, None, now_ns)
-            elif self._pending_call is not None and self._answer is not None:
-                (_, pending, server, _), self._pending_call = self._pending_call, None
-                outcome, self._answer = self._answer, None
-                try:
-                    value = read_result(server, pending.call, outcome)
-                except RobotConnectionError as problem:
-                    yield from self._resume(None, problem, now_ns)
-                else:
-                    yield from self._resume(value, None, now_ns)
-            else:
-                return
-
-    def _resume(self, value: Any, problem: Exception | None, now_ns: int) -> Iterator[Effect]:
+        """Resume the script if its answer has arrived or its sleep is over."""
         try:
-            step = self._script.send(value) if problem is None else self._script.throw(problem)
-        except StopIteration:
-            yield from self._end(now_ns)
-            return
-        except Exception as raised:
-            self.problem = raised
-            yield from self._end(now_ns)
-            return
-        match step:
-            case Sleep(seconds=seconds):
-                self._wake_ns = now_ns + max(0, round(seconds * 1e9))
-                if self._wake_ns > now_ns:
-                    yield WakeAt(self._wake_ns)
-            case Do(server=server, call=call):
-                yield from self._call(server, call, now_ns)
+            self._scripts.run(now_ns)
+        except ScriptError as failure:
+            self.problem = failure.problem
+        effects, self._effects = self._effects, []
+        yield from effects
+        if self.ended:
+            for server, conversation in self._conversations.items():
+                yield from self._carry_out(server, conversation.close(now_ns))
+        elif (due_ns := self._scripts.due_ns) is not None and due_ns != self._wake_ns:
+            self._wake_ns = due_ns
+            yield WakeAt(due_ns)
 
-    def _call(self, server: str, call: Any, now_ns: int) -> Iterator[Effect]:
+    def _call(self, running: RunningScript, step: Do, now_ns: int) -> object:
+        server, call = step
         conversation = self._conversations.get(server)
         if conversation is None:
             available = ", ".join(self._conversations)
-            problem = ServerNotFoundError(
-                f"{self.address} has no connection to `{server}`; it has {available}"
-            )
-            yield from self._resume(None, problem, now_ns)
-            return
+            raise ServerNotFoundError(f"{self.address} has no connection to `{server}`; it has {available}")
         wait_s = answer_timeout(call, None, TIMEOUT_S)
-        pending = Pending(call, self._on_outcome)
-        due_ns = now_ns + round(min(wait_s, 1e9) * 1e9)
-        self._pending_call = (due_ns, pending, server, wait_s)
-        yield from self._carry_out(server, conversation.submit(pending, now_ns), now_ns)
+        pending = Pending(call, partial(self._on_outcome, running, step))
+        self._waiting = _Waiting(now_ns + round(min(wait_s, 1e9) * 1e9), pending, server, wait_s)
+        self._effects += self._carry_out(server, conversation.submit(pending, now_ns))
+        return LATER
 
-    def _on_outcome(self, outcome: Outcome) -> None:
-        self._answer = outcome
-
-    def _end(self, now_ns: int) -> Iterator[Effect]:
-        self.ended = True
-        for server, conversation in self._conversations.items():
-            yield from self._carry_out(server, conversation.close(now_ns), now_ns)
+    def _on_outcome(self, running: RunningScript, step: Do, outcome: Outcome) -> None:
+        self._waiting = None
+        try:
+            self._scripts.answer(running, read_result(step.server, step.call, outcome))
+        except RobotConnectionError as problem:
+            self._scripts.answer(running, None, problem)
 
     # --- connections -----------------------------------------------------------------------------------
 
@@ -158,23 +149,32 @@ class ScriptNode:
         self._next_poll_ns = now_ns + POLL_INTERVAL_NS
         yield WakeAt(self._next_poll_ns)
         for server, conversation in self._conversations.items():
-            yield from self._carry_out(server, conversation.poll(now_ns), now_ns)
-        if self._pending_call is not None and self._answer is None and now_ns >= self._pending_call[0]:
-            _, pending, server, wait_s = self._pending_call
-            self._conversations[server].forget(pending)
-            self._answer = CallTimeoutError(
-                f"{server} did not answer `{pending.call.method}` in {wait_s:g} s"
+            yield from self._carry_out(server, conversation.poll(now_ns))
+        if (waiting := self._waiting) is not None and now_ns >= waiting.due_ns:
+            self._conversations[waiting.server].forget(waiting.pending)
+            method = waiting.pending.call.method
+            waiting.pending.resolve(
+                CallTimeoutError(f"{waiting.server} did not answer `{method}` in {waiting.wait_s:g} s")
             )
 
-    def _carry_out(self, server: str, effects: Iterator[ConversationEffect], now_ns: int) -> Iterator[Effect]:
+    def _carry_out(self, server: str, effects: Iterator[ConversationEffect]) -> Iterator[Effect]:
         for effect in effects:
             match effect:
                 case Transmit(message=message):
-                    yield Send(topics.calls(server), message)
+                    yield SendMessage(topics.calls(server), message)
                 case Resolve(pending=pending, outcome=outcome):
                     pending.resolve(outcome)
                 case Listen() | Deliver():
                     pass
+
+
+class _Waiting(NamedTuple):
+    """The call whose answer the script waits for, until `due_ns`."""
+
+    due_ns: int
+    pending: Pending
+    server: str
+    wait_s: float
 
 
 def _ignore(outcome: Outcome) -> None:

@@ -31,7 +31,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 from colony.runtime.kit.commands import Command, command, parameter
-from colony.runtime.kit.fields import Field, FieldReader, field
+from colony.runtime.kit.description import Field, FieldReader, field
 from colony.runtime.kit.once import Report
 from colony.runtime.kit.service import Service, method
 from colony.runtime.protocol.calls import Method, RefusedError

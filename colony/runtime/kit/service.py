@@ -24,15 +24,14 @@ from colony.runtime.protocol.messages import (
     Fetch,
     Message,
     Right,
-    Send,
+    SendMessage,
     ServerFrame,
     Stopped,
     Tick,
     WakeAt,
 )
 from colony.runtime.servers.actuating import CommandedActuators
-from colony.runtime.servers.outside_commands import Given, OutsideCommands
-from colony.runtime.servers.outside_control import ActuatorState
+from colony.runtime.servers.outside_control import ActuatorState, Given, OutsideCommands
 
 A = TypeVar("A", bound=msgspec.Struct)
 
@@ -221,8 +220,8 @@ class Service:
             yield effect
             if self._is_expected:
                 continue
-            if isinstance(effect, Send) and isinstance(effect.message, ServerFrame):
-                yield Send(topics.ANSWERS, msgspec.structs.replace(effect.message, fields={}))
+            if isinstance(effect, SendMessage) and isinstance(effect.message, ServerFrame):
+                yield SendMessage(topics.ANSWERS, msgspec.structs.replace(effect.message, fields={}))
 
     def _read(self, tick: Tick) -> Fields:
         fields = self._reader.read(self._now_ns)

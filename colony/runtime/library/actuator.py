@@ -19,7 +19,7 @@ from collections.abc import Mapping
 
 import msgspec
 
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.messages import Stopped
 
@@ -33,7 +33,7 @@ LOCK_MARGIN_S = 1.0
 # --- arguments -------------------------------------------------------------------------------------
 
 
-class Command(msgspec.Struct, frozen=True, kw_only=True):
+class CommandArguments(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of `command`: the values of a command's parameters, in base units, for `lease_s`."""
 
     command: str
@@ -118,27 +118,27 @@ class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
 # --- calls -----------------------------------------------------------------------------------------
 
 
-def command(name: str, values: Mapping[str, bool | float], lease: float = LEASE_S) -> Ask[None]:
+def command(name: str, values: Mapping[str, bool | float], lease: float = LEASE_S) -> CallRequest[None]:
     """Command the server's command `name` with the values of its parameters, for `lease` s or until replaced.
 
     Values are in base units, those of an enum its members' numbers. A parameter that the program's actuator
     does not declare may be left out. At DServer, the command is the variable that an actuator sets, and the
     parameters are the actuator's fields.
     """
-    arguments = Command(command=name, values=dict(values), lease_s=lease)
-    return Ask("command", arguments, type(None), "command")
+    arguments = CommandArguments(command=name, values=dict(values), lease_s=lease)
+    return CallRequest("command", arguments, type(None), "command")
 
 
-def ignore_limits(ignoring: bool = True) -> Ask[None]:
+def ignore_limits(ignoring: bool = True) -> CallRequest[None]:
     """Command beyond the limits of the program, or within them again; ranges and bumpers still hold.
 
     This lasts until the end of this connection. Frames that it commands are recorded as unlimited. Users on
     other machines need the right `unlimited`.
     """
-    return Ask("ignore_limits", IgnoreLimits(ignoring=ignoring), type(None), "unlimited")
+    return CallRequest("ignore_limits", IgnoreLimits(ignoring=ignoring), type(None), "unlimited")
 
 
-def lock(wait: bool = True, wait_s: float = 60.0) -> Ask[None]:
+def lock(wait: bool = True, wait_s: float = 60.0) -> CallRequest[None]:
     """Keep all other connections, and the program, from commanding the server's actuators (`RobotLock`).
 
     The lock lasts until `unlock` or the end of this connection. If another connection has it, the call waits
@@ -146,14 +146,16 @@ def lock(wait: bool = True, wait_s: float = 60.0) -> Ask[None]:
     with the code "locked".
     """
     arguments = Lock(wait_ns=round(wait_s * 1e9) if wait else 0)
-    return Ask("lock", arguments, type(None), "command", wait_s=wait_s + LOCK_MARGIN_S if wait else None)
+    return CallRequest(
+        "lock", arguments, type(None), "command", wait_s=wait_s + LOCK_MARGIN_S if wait else None
+    )
 
 
-def unlock() -> Ask[None]:
+def unlock() -> CallRequest[None]:
     """Release the lock (`RobotUnlock`)."""
-    return Ask("unlock", NoArguments(), type(None), "command")
+    return CallRequest("unlock", NoArguments(), type(None), "command")
 
 
-def arbitration() -> Ask[Arbitration]:
+def arbitration() -> CallRequest[Arbitration]:
     """Read the clients and connections that may command the actuators, and those that do so."""
-    return Ask("arbitration", NoArguments(), Arbitration, "read", repeatable=True)
+    return CallRequest("arbitration", NoArguments(), Arbitration, "read", repeatable=True)

@@ -19,7 +19,7 @@ from colony.runtime.protocol.messages import Right
 T = TypeVar("T")
 
 
-class Ask(NamedTuple, Generic[T]):
+class CallRequest(NamedTuple, Generic[T]):
     """A call of `method` with `arguments`, under `right`. `reply` is the type of its result.
 
     `repeatable` is True if the call may be repeated when the server crashes before it answers. `wait_s` is
@@ -34,5 +34,5 @@ class Ask(NamedTuple, Generic[T]):
     wait_s: float | None = None
 
 
-STATUS: Ask[Status] = Ask("status", NoArguments(), Status, "read", repeatable=True)
+STATUS: CallRequest[Status] = CallRequest("status", NoArguments(), Status, "read", repeatable=True)
 """The call `status`: the connections of a server, and the limits that it reached."""

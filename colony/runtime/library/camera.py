@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.images import Image
 
@@ -49,47 +49,49 @@ class SetPeriod(msgspec.Struct, frozen=True, kw_only=True):
     period_ns: int
 
 
-def size() -> Ask[ImageSize]:
+def size() -> CallRequest[ImageSize]:
     """Read the size of the images (`CameraGetSize`)."""
-    return Ask("size", NoArguments(), ImageSize, "read", repeatable=True)
+    return CallRequest("size", NoArguments(), ImageSize, "read", repeatable=True)
 
 
-def grab() -> Ask[Image]:
+def grab() -> CallRequest[Image]:
     """Read the newest image, which is up to one period old (`CameraGrab`)."""
-    return Ask("grab", NoArguments(), Image, "read", repeatable=True)
+    return CallRequest("grab", NoArguments(), Image, "read", repeatable=True)
 
 
-def grab_rows(first: int, count: int = 1) -> Ask[Image]:
+def grab_rows(first: int, count: int = 1) -> CallRequest[Image]:
     """Read a band of rows of the newest image (`CameraGrabRow`).
 
     Bands with the same `t_ns` are of the same image. All bands read while holding the lock are of one image.
     """
-    return Ask("grab_rows", GrabRows(first=first, count=count), Image, "read", repeatable=True)
+    return CallRequest("grab_rows", GrabRows(first=first, count=count), Image, "read", repeatable=True)
 
 
-def lock(wait_s: float = 0.0) -> Ask[None]:
+def lock(wait_s: float = 0.0) -> CallRequest[None]:
     """Keep the image from being replaced until `unlock`, or until this connection ends (`CameraLock`).
 
     If another connection holds the lock, the call waits up to `wait_s`, behind connections of higher
     priority, and is then refused with the code "locked".
     """
     arguments = LockImage(wait_ns=round(wait_s * 1e9))
-    return Ask("lock", arguments, type(None), "command", wait_s=wait_s + _MARGIN_S if wait_s > 0 else None)
+    return CallRequest(
+        "lock", arguments, type(None), "command", wait_s=wait_s + _MARGIN_S if wait_s > 0 else None
+    )
 
 
-def unlock() -> Ask[None]:
+def unlock() -> CallRequest[None]:
     """Let the image be replaced again (`CameraUnLock`)."""
-    return Ask("unlock", NoArguments(), type(None), "command")
+    return CallRequest("unlock", NoArguments(), type(None), "command")
 
 
-def period() -> Ask[int]:
+def period() -> CallRequest[int]:
     """Read the time from one image to the next, in nanoseconds."""
-    return Ask("period", NoArguments(), int, "read", repeatable=True)
+    return CallRequest("period", NoArguments(), int, "read", repeatable=True)
 
 
-def set_period(seconds: float) -> Ask[None]:
+def set_period(seconds: float) -> CallRequest[None]:
     """Set the time from one image to the next, for all connections, until the server ends."""
-    return Ask(
+    return CallRequest(
         "set_period", SetPeriod(period_ns=round(seconds * 1e9)), type(None), "command", repeatable=True
     )
 

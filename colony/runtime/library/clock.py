@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.interface import Interface
@@ -56,25 +56,25 @@ class Participants(msgspec.Struct, frozen=True, kw_only=True):
     trouble: str | None = None
 
 
-def release() -> Ask[None]:
+def release() -> CallRequest[None]:
     """Release the emergency stop, so that the robot may move again. Only the Clock accepts this call."""
-    return Ask("release", NoArguments(), type(None), "command", repeatable=True)
+    return CallRequest("release", NoArguments(), type(None), "command", repeatable=True)
 
 
-def deploy(deployment: Deployment) -> Ask[None]:
+def deploy(deployment: Deployment) -> CallRequest[None]:
     """Deploy a program; to be called on the Clock and on each server that the program commands.
 
     The calling connection becomes the leader of the run, which ends when that connection does. Refused with
     the code "busy" while another leader's run lasts, "arguments" if the deployment is invalid.
     """
-    return Ask("deploy", deployment, None, "command", repeatable=True)
+    return CallRequest("deploy", deployment, None, "command", repeatable=True)
 
 
-def participants() -> Ask[Participants]:
+def participants() -> CallRequest[Participants]:
     """Read the newest tick, and the servers and clients that take part in the run."""
-    return Ask("participants", NoArguments(), Participants, "read", repeatable=True)
+    return CallRequest("participants", NoArguments(), Participants, "read", repeatable=True)
 
 
-def interface() -> Ask[Interface]:
+def interface() -> CallRequest[Interface]:
     """Read the interface of the robot's description; it has no parts if the robot is served without one."""
-    return Ask("interface", NoArguments(), Interface, "read", repeatable=True)
+    return CallRequest("interface", NoArguments(), Interface, "read", repeatable=True)

@@ -23,7 +23,7 @@ from typing import Any, TypeVar, overload
 
 import msgspec
 
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.messages import Notice
 
 T = TypeVar("T")
@@ -80,7 +80,7 @@ class GetMany(msgspec.Struct, frozen=True, kw_only=True):
     names: tuple[str, ...]
 
 
-class History(msgspec.Struct, frozen=True, kw_only=True):
+class HistoryArguments(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of `history`: a variable, the first of its values to return, and their number."""
 
     name: str
@@ -95,7 +95,7 @@ class SetHistory(msgspec.Struct, frozen=True, kw_only=True):
     length: int
 
 
-class Named(msgspec.Struct, frozen=True, kw_only=True):
+class NameArguments(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of `delete`, `semaphore`, `delete_semaphore`, `signal` and `release`: a name."""
 
     name: str
@@ -176,16 +176,16 @@ class SemaphoreState(msgspec.Struct, frozen=True, kw_only=True):
 # --- variables -------------------------------------------------------------------------------------
 
 
-def set(name: str, value: object) -> Ask[None]:
+def set(name: str, value: object) -> CallRequest[None]:
     """Set a variable to a new value (`DATA_SETVALUE`).
 
     Raises:
         TypeError, OverflowError: msgspec cannot encode the value.
     """
-    return Ask("set", Set(name=name, value=_raw(value)), type(None), "command", repeatable=True)
+    return CallRequest("set", Set(name=name, value=_raw(value)), type(None), "command", repeatable=True)
 
 
-def set_many(values: Mapping[str, object]) -> Ask[None]:
+def set_many(values: Mapping[str, object]) -> CallRequest[None]:
     """Set several variables atomically: no reader sees some of them old and some new.
 
     The limits are 1,000 variables, and 1 MiB of names and values.
@@ -194,59 +194,59 @@ def set_many(values: Mapping[str, object]) -> Ask[None]:
         TypeError, OverflowError: msgspec cannot encode a value.
     """
     arguments = SetMany(values=_raw({name: _raw(value) for name, value in values.items()}))
-    return Ask("set_many", arguments, type(None), "command", repeatable=True)
+    return CallRequest("set_many", arguments, type(None), "command", repeatable=True)
 
 
 @overload
-def get(name: str, back: int = 0) -> Ask[Any]: ...
+def get(name: str, back: int = 0) -> CallRequest[Any]: ...
 @overload
-def get(name: str, back: int = 0, *, type: type[T]) -> Ask[T]: ...
-def get(name: str, back: int = 0, *, type: Any = Any) -> Ask[Any]:
+def get(name: str, back: int = 0, *, type: type[T]) -> CallRequest[T]: ...
+def get(name: str, back: int = 0, *, type: Any = Any) -> CallRequest[Any]:
     """Read a value of a variable (`DATA_GETVALUE`): 0 is the current one, -1 the one before it.
 
     A history of length n has the values back to -(n - 1). Refused with "unknown" if there is no such
     variable, "range" if `back` is outside the history, and "unset" if the variable has not been set that
     often yet.
     """
-    return Ask("get", Get(name=name, back=back), type, "read", repeatable=True)
+    return CallRequest("get", Get(name=name, back=back), type, "read", repeatable=True)
 
 
-def get_many(names: Iterable[str]) -> Ask[dict[str, Any]]:
+def get_many(names: Iterable[str]) -> CallRequest[dict[str, Any]]:
     """Read the current values of several variables in one call; refused like `get` if any has no value."""
-    return Ask("get_many", GetMany(names=tuple(names)), dict[str, Any], "read", repeatable=True)
+    return CallRequest("get_many", GetMany(names=tuple(names)), dict[str, Any], "read", repeatable=True)
 
 
-def history(name: str, back: int = 0, limit: int = 2000) -> Ask[tuple[TimedValue, ...]]:
+def history(name: str, back: int = 0, limit: int = 2000) -> CallRequest[tuple[TimedValue, ...]]:
     """Read up to `limit` values of a variable with their times, newest first, beginning with value `back`.
 
     Value 0 is the current one, -1 the one before it. Refused with "unknown", and with "size" if the values
     are too large for one reply.
     """
-    arguments = History(name=name, back=back, limit=limit)
-    return Ask("history", arguments, tuple[TimedValue, ...], "read", repeatable=True)
+    arguments = HistoryArguments(name=name, back=back, limit=limit)
+    return CallRequest("history", arguments, tuple[TimedValue, ...], "read", repeatable=True)
 
 
-def set_history(name: str, length: int) -> Ask[None]:
+def set_history(name: str, length: int) -> CallRequest[None]:
     """Set the number of values of a variable to keep, including the current one (`DATA_SETHISTORY`).
 
     The default is 1. Shortening a history drops its oldest values. The variable need not be set yet.
     """
     arguments = SetHistory(name=name, length=length)
-    return Ask("set_history", arguments, type(None), "command", repeatable=True)
+    return CallRequest("set_history", arguments, type(None), "command", repeatable=True)
 
 
-def delete(name: str) -> Ask[bool]:
+def delete(name: str) -> CallRequest[bool]:
     """Remove a variable and its history; the reply is False if there is none."""
-    return Ask("delete", Named(name=name), bool, "command", repeatable=True)
+    return CallRequest("delete", NameArguments(name=name), bool, "command", repeatable=True)
 
 
-def names(prefix: str = "", *, after: str = "", limit: int = 1000) -> Ask[tuple[str, ...]]:
+def names(prefix: str = "", *, after: str = "", limit: int = 1000) -> CallRequest[tuple[str, ...]]:
     """List up to `limit` names of variables, in order, beginning after the name `after`."""
     arguments = ListNames(prefix=prefix, after=after, limit=limit)
-    return Ask("names", arguments, tuple[str, ...], "read", repeatable=True)
+    return CallRequest("names", arguments, tuple[str, ...], "read", repeatable=True)
 
 
-def publish(names: Iterable[str]) -> Ask[None]:
+def publish(names: Iterable[str]) -> CallRequest[None]:
     """Show these variables, too, in DServer's frames, as long as this connection is open.
 
     Frames show numbers, bools and flat lists of them. A variable that does not exist yet is shown as soon as
@@ -254,19 +254,19 @@ def publish(names: Iterable[str]) -> Ask[None]:
     no room for them. Use a connection's `keep` for this call, so that it is repeated after a restart of the
     server.
     """
-    return Ask("publish", Publish(names=tuple(names)), type(None), "read", repeatable=True)
+    return CallRequest("publish", Publish(names=tuple(names)), type(None), "read", repeatable=True)
 
 
 # --- semaphores ------------------------------------------------------------------------------------
 
 
-def create_semaphore(name: str, value: int = 1) -> Ask[bool]:
+def create_semaphore(name: str, value: int = 1) -> CallRequest[bool]:
     """Create a semaphore (`DATA_CREATE_SEM`); the reply is False, and nothing changes, if it exists."""
     arguments = CreateSemaphore(name=name, value=value)
-    return Ask("create_semaphore", arguments, bool, "command", repeatable=True)
+    return CallRequest("create_semaphore", arguments, bool, "command", repeatable=True)
 
 
-def wait(name: str, timeout_s: float | None = None, *, hold: bool = False) -> Ask[None]:
+def wait(name: str, timeout_s: float | None = None, *, hold: bool = False) -> CallRequest[None]:
     """Take a semaphore, or wait until it can be taken (`DATA_WAIT`), first come first served.
 
     Refused with "timeout", "unknown", or "deleted". A lost connection no longer waits.
@@ -278,52 +278,52 @@ def wait(name: str, timeout_s: float | None = None, *, hold: bool = False) -> As
     """
     if timeout_s is None or timeout_s == math.inf:
         arguments = Wait(name=name, wait_ns=None, hold=hold)
-        return Ask("wait", arguments, type(None), "command", repeatable=True, wait_s=math.inf)
+        return CallRequest("wait", arguments, type(None), "command", repeatable=True, wait_s=math.inf)
     arguments = Wait(name=name, wait_ns=round(timeout_s * 1e9), hold=hold)
     wait_s = timeout_s + _MARGIN_S if timeout_s > 0 else None
-    return Ask("wait", arguments, type(None), "command", repeatable=True, wait_s=wait_s)
+    return CallRequest("wait", arguments, type(None), "command", repeatable=True, wait_s=wait_s)
 
 
-def signal(name: str) -> Ask[None]:
+def signal(name: str) -> CallRequest[None]:
     """Signal a semaphore (`DATA_SIGNAL`): the first waiting connection gets it immediately.
 
     If this connection holds the semaphore, its hold ends. Refused with "unknown".
     """
-    return Ask("signal", Named(name=name), type(None), "command", repeatable=True)
+    return CallRequest("signal", NameArguments(name=name), type(None), "command", repeatable=True)
 
 
-def release(name: str) -> Ask[None]:
+def release(name: str) -> CallRequest[None]:
     """Release a semaphore that was taken with `hold`.
 
     Refused with "not held" if this connection does not hold the semaphore. If it took the semaphore before,
     the connection was lost in the meantime, and another connection may have held the semaphore as well.
     """
-    return Ask("release", Named(name=name), type(None), "command", repeatable=True)
+    return CallRequest("release", NameArguments(name=name), type(None), "command", repeatable=True)
 
 
-def semaphore(name: str) -> Ask[SemaphoreState]:
+def semaphore(name: str) -> CallRequest[SemaphoreState]:
     """Read the state of a semaphore. Refused with "unknown"."""
-    return Ask("semaphore", Named(name=name), SemaphoreState, "read", repeatable=True)
+    return CallRequest("semaphore", NameArguments(name=name), SemaphoreState, "read", repeatable=True)
 
 
-def semaphores(prefix: str = "", *, after: str = "", limit: int = 1000) -> Ask[tuple[str, ...]]:
+def semaphores(prefix: str = "", *, after: str = "", limit: int = 1000) -> CallRequest[tuple[str, ...]]:
     """List the names of semaphores, as `names` does for variables."""
     arguments = ListNames(prefix=prefix, after=after, limit=limit)
-    return Ask("semaphores", arguments, tuple[str, ...], "read", repeatable=True)
+    return CallRequest("semaphores", arguments, tuple[str, ...], "read", repeatable=True)
 
 
-def delete_semaphore(name: str) -> Ask[bool]:
+def delete_semaphore(name: str) -> CallRequest[bool]:
     """Remove a semaphore; the reply is False if there is none.
 
     Calls that wait for it are refused with "deleted".
     """
-    return Ask("delete_semaphore", Named(name=name), bool, "command", repeatable=True)
+    return CallRequest("delete_semaphore", NameArguments(name=name), bool, "command", repeatable=True)
 
 
 # --- changes ---------------------------------------------------------------------------------------
 
 
-def watch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
+def watch(*names: str, prefixes: Iterable[str] = ()) -> CallRequest[None]:
     """Subscribe to notices about these variables, and all whose names begin with one of `prefixes`.
 
     One notice comes for each variable that has a value, and another each time one is set or deleted. The
@@ -331,12 +331,16 @@ def watch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
     current values again. Further calls add to the subscription. When very many notices are due, some are
     delayed, and a variable that changes again before its notice is sent gets a single one.
     """
-    return Ask("watch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True)
+    return CallRequest(
+        "watch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True
+    )
 
 
-def unwatch(*names: str, prefixes: Iterable[str] = ()) -> Ask[None]:
+def unwatch(*names: str, prefixes: Iterable[str] = ()) -> CallRequest[None]:
     """Cancel notices about these variables and prefixes, or all notices if none is given."""
-    return Ask("unwatch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True)
+    return CallRequest(
+        "unwatch", Watch(names=names, prefixes=tuple(prefixes)), type(None), "read", repeatable=True
+    )
 
 
 def change(notice: Notice) -> Change:

@@ -6,7 +6,7 @@ from typing import Literal
 
 import msgspec
 
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import NoArguments
 
 LEADER = "Leader"
@@ -113,16 +113,16 @@ class RunKeyframe(msgspec.Struct, frozen=True, kw_only=True):
     text: str
 
 
-def run_program() -> Ask[RunProgram]:
+def run_program() -> CallRequest[RunProgram]:
     """Read the program of the run."""
-    return Ask("program", NoArguments(), RunProgram, "read", repeatable=True)
+    return CallRequest("program", NoArguments(), RunProgram, "read", repeatable=True)
 
 
-def run_keyframe() -> Ask[RunKeyframe]:
+def run_keyframe() -> CallRequest[RunKeyframe]:
     """Read the newest keyframe of the run, from which a reader that joins goes on."""
-    return Ask("keyframe", NoArguments(), RunKeyframe, "read", repeatable=True)
+    return CallRequest("keyframe", NoArguments(), RunKeyframe, "read", repeatable=True)
 
 
-def run_status() -> Ask[RunStatus]:
+def run_status() -> CallRequest[RunStatus]:
     """Read the state of the run."""
-    return Ask("run", NoArguments(), RunStatus, "read", repeatable=True)
+    return CallRequest("run", NoArguments(), RunStatus, "read", repeatable=True)

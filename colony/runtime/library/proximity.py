@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import msgspec
 
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import NoArguments
 
 
@@ -33,25 +33,27 @@ class SetTimeouts(msgspec.Struct, frozen=True, kw_only=True):
     ranges: tuple[float, ...]
 
 
-def sonar() -> Ask[SonarReading | None]:
+def sonar() -> CallRequest[SonarReading | None]:
     """Read the newest ranges; None while the device has none (`PROX_SONAR`)."""
-    return Ask("sonar", NoArguments(), SonarReading | None, "read", repeatable=True)
+    return CallRequest("sonar", NoArguments(), SonarReading | None, "read", repeatable=True)
 
 
-def infrared() -> Ask[InfraredReading | None]:
+def infrared() -> CallRequest[InfraredReading | None]:
     """Read the infrared detectors; None while the device has no values (`PROX_IR`)."""
-    return Ask("infrared", NoArguments(), InfraredReading | None, "read", repeatable=True)
+    return CallRequest("infrared", NoArguments(), InfraredReading | None, "read", repeatable=True)
 
 
-def set_timeouts(ranges: Sequence[float]) -> Ask[None]:
+def set_timeouts(ranges: Sequence[float]) -> CallRequest[None]:
     """Set the maximum range of each of the sonars in mm (`PROX_TIMEOUT`).
 
     A sonar reads its maximum range if nothing is nearer. The setting applies to all connections, until
     PServer ends.
     """
-    return Ask("set_timeouts", SetTimeouts(ranges=tuple(ranges)), type(None), "command", repeatable=True)
+    return CallRequest(
+        "set_timeouts", SetTimeouts(ranges=tuple(ranges)), type(None), "command", repeatable=True
+    )
 
 
-def timeouts() -> Ask[tuple[float, ...] | None]:
+def timeouts() -> CallRequest[tuple[float, ...] | None]:
     """Read the ranges set last by `set_timeouts`; None if unset, as then the sonars use their full range."""
-    return Ask("timeouts", NoArguments(), tuple[float, ...] | None, "read", repeatable=True)
+    return CallRequest("timeouts", NoArguments(), tuple[float, ...] | None, "read", repeatable=True)

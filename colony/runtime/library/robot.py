@@ -32,7 +32,7 @@ from colony.runtime.library.actuator import LEASE_S, ClientReport
 from colony.runtime.library.actuator import ignore_limits as ignore_limits
 from colony.runtime.library.actuator import lock as lock
 from colony.runtime.library.actuator import unlock as unlock
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.messages import Stopped
 
@@ -58,28 +58,28 @@ class Drive(msgspec.Struct, frozen=True, kw_only=True):
     sideways: float = 0.0
 
 
-class Go(msgspec.Struct, frozen=True, kw_only=True):
+class GoArguments(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of `go` and `proportional_go`: straight ahead at `velocity`, backward if negative."""
 
     velocity: float
     lease_s: float = LEASE_S
 
 
-class Jog(msgspec.Struct, frozen=True, kw_only=True):
+class JogArguments(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of `jog`: deg/s clockwise on top of the forward motion."""
 
     rate: float
     lease_s: float = LEASE_S
 
 
-class Halt(msgspec.Struct, frozen=True, kw_only=True):
+class HaltArguments(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of `stop`: gradually if `mode` is 0, else immediately; then stand still for `lease_s`."""
 
     mode: int = 0
     lease_s: float = LEASE_S
 
 
-class Move(msgspec.Struct, frozen=True, kw_only=True):
+class MoveArguments(msgspec.Struct, frozen=True, kw_only=True):
     """Arguments of `move`: a distance straight ahead; negative is backward.
 
     A negative velocity or acceleration keeps the one set last. With `wait`, the answer comes when the motion
@@ -92,8 +92,8 @@ class Move(msgspec.Struct, frozen=True, kw_only=True):
     wait: bool = True
 
 
-class Turn(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `turn`: degrees clockwise on the spot, in deg/s and deg/s^2; otherwise like `Move`."""
+class TurnArguments(msgspec.Struct, frozen=True, kw_only=True):
+    """Arguments of `turn`: degrees clockwise on the spot, in deg/s and deg/s^2; else as `MoveArguments`."""
 
     degrees: float
     velocity: float = KEEP_SETTING
@@ -102,7 +102,7 @@ class Turn(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ContinuousTurn(msgspec.Struct, frozen=True, kw_only=True):
-    """Arguments of `continuous_turn`: degrees clockwise along an arc, at mm/s; otherwise like `Move`."""
+    """Arguments of `continuous_turn`: degrees clockwise along an arc, at mm/s; else as `MoveArguments`."""
 
     degrees: float
     radius: float
@@ -149,7 +149,7 @@ class Position(msgspec.Struct, frozen=True, kw_only=True):
     t_ns: int
 
 
-class ActuatorReport(msgspec.Struct, frozen=True, kw_only=True):
+class BaseActuatorReport(msgspec.Struct, frozen=True, kw_only=True):
     """An actuator of the program: its clients, highest priority first, and its newest note."""
 
     name: str
@@ -158,7 +158,7 @@ class ActuatorReport(msgspec.Struct, frozen=True, kw_only=True):
     last_note: str | None
 
 
-class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
+class BaseOutsideReport(msgspec.Struct, frozen=True, kw_only=True):
     """A connection that has commanded the base, whose priority is therefore taken.
 
     `commands` is the call by which it commands now, None if there is none. `lease_s` is the remaining time of
@@ -174,7 +174,7 @@ class OutsideReport(msgspec.Struct, frozen=True, kw_only=True):
     unlimited: bool = False
 
 
-class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
+class BaseArbitration(msgspec.Struct, frozen=True, kw_only=True):
     """The clients and connections that may move the base, and the one that does so.
 
     `run` is "" if no program is deployed; `leader` is the connection that deployed it; `acting` is the client
@@ -185,8 +185,8 @@ class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
     run: str
     leader: str | None
     acting: str | None
-    actuators: tuple[ActuatorReport, ...]
-    outside: tuple[OutsideReport, ...]
+    actuators: tuple[BaseActuatorReport, ...]
+    outside: tuple[BaseOutsideReport, ...]
     lock_holder: str | None
     lock_waiting: tuple[str, ...]
     stopped: Stopped | None
@@ -195,7 +195,9 @@ class Arbitration(msgspec.Struct, frozen=True, kw_only=True):
 # --- calls -----------------------------------------------------------------------------------------
 
 
-def drive(velocity: float, turn: float, lease: float = LEASE_S, *, sideways: float = 0.0) -> Ask[None]:
+def drive(
+    velocity: float, turn: float, lease: float = LEASE_S, *, sideways: float = 0.0
+) -> CallRequest[None]:
     """Drive at `velocity` mm/s, turning `turn` deg/s counterclockwise, for `lease` s or until replaced.
 
     A base that drives sideways also moves at `sideways` mm/s to the left; others refuse any but 0.
@@ -203,49 +205,49 @@ def drive(velocity: float, turn: float, lease: float = LEASE_S, *, sideways: flo
     return _command("drive", Drive(velocity=velocity, turn=turn, lease_s=lease, sideways=sideways))
 
 
-def go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
+def go(velocity: float, lease: float = LEASE_S) -> CallRequest[None]:
     """Go straight ahead, holding the heading by proportional-integral control (`ROBOT_GO`)."""
-    return _command("go", Go(velocity=velocity, lease_s=lease))
+    return _command("go", GoArguments(velocity=velocity, lease_s=lease))
 
 
-def proportional_go(velocity: float, lease: float = LEASE_S) -> Ask[None]:
+def proportional_go(velocity: float, lease: float = LEASE_S) -> CallRequest[None]:
     """Go straight ahead, holding the heading by proportional control only."""
-    return _command("proportional_go", Go(velocity=velocity, lease_s=lease))
+    return _command("proportional_go", GoArguments(velocity=velocity, lease_s=lease))
 
 
-def jog(rate: float, lease: float = LEASE_S) -> Ask[None]:
+def jog(rate: float, lease: float = LEASE_S) -> CallRequest[None]:
     """Turn at `rate` deg/s, positive clockwise, on top of this connection's forward motion (`ROBOT_JOG`)."""
-    return _command("jog", Jog(rate=rate, lease_s=lease))
+    return _command("jog", JogArguments(rate=rate, lease_s=lease))
 
 
-def stop(mode: int = 0, lease: float = LEASE_S) -> Ask[None]:
+def stop(mode: int = 0, lease: float = LEASE_S) -> CallRequest[None]:
     """Stop, gradually if `mode` is 0, else immediately, and stand still for `lease` s (`ROBOT_STOP`).
 
     Like every command, it is arbitrated by the connection's priority. To stop in any case, use
     `emergency.stop`.
     """
-    return _command("stop", Halt(mode=mode, lease_s=lease))
+    return _command("stop", HaltArguments(mode=mode, lease_s=lease))
 
 
 def move(
     distance: float, velocity: float = KEEP_SETTING, acceleration: float = KEEP_SETTING, wait: bool = True
-) -> Ask[float | None]:
+) -> CallRequest[float | None]:
     """Go `distance` mm straight ahead, backward if negative, and stop (`ROBOT_MOVE`).
 
     With `wait`, the reply comes at the end and is the distance that the base went; else it is None.
     """
-    arguments = Move(distance=distance, velocity=velocity, acceleration=acceleration, wait=wait)
+    arguments = MoveArguments(distance=distance, velocity=velocity, acceleration=acceleration, wait=wait)
     return _motion("move", arguments, wait)
 
 
 def turn(
     degrees: float, velocity: float = KEEP_SETTING, acceleration: float = KEEP_SETTING, wait: bool = True
-) -> Ask[float | None]:
+) -> CallRequest[float | None]:
     """Turn on the spot by `degrees`, positive clockwise, and stop (`ROBOT_TURN`).
 
     With `wait`, the reply comes at the end and is the angle that the base turned; else it is None.
     """
-    arguments = Turn(degrees=degrees, velocity=velocity, acceleration=acceleration, wait=wait)
+    arguments = TurnArguments(degrees=degrees, velocity=velocity, acceleration=acceleration, wait=wait)
     return _motion("turn", arguments, wait)
 
 
@@ -255,7 +257,7 @@ def continuous_turn(
     velocity: float = KEEP_SETTING,
     acceleration: float = KEEP_SETTING,
     wait: bool = True,
-) -> Ask[float | None]:
+) -> CallRequest[float | None]:
     """Go along an arc of `radius` mm until the base has turned by `degrees`, positive clockwise; then stop.
 
     With `wait`, the reply comes at the end and is the angle that the base turned; else it is None.
@@ -266,66 +268,66 @@ def continuous_turn(
     return _motion("continuous_turn", arguments, wait)
 
 
-def adjust_position(dx: float, dy: float, dheading: float) -> Ask[None]:
+def adjust_position(dx: float, dy: float, dheading: float) -> CallRequest[None]:
     """Correct the position of the base by `dx` and `dy` mm, and its heading by degrees (`ROBOT_ADJPOS`)."""
-    return Ask("adjust_position", PoseArguments(x=dx, y=dy, heading=dheading), type(None), "command")
+    return CallRequest("adjust_position", PoseArguments(x=dx, y=dy, heading=dheading), type(None), "command")
 
 
-def set_position(x: float, y: float, heading: float) -> Ask[None]:
+def set_position(x: float, y: float, heading: float) -> CallRequest[None]:
     """Set the position of the base, from which dead reckoning continues (`ROBOT_SETPOS`)."""
-    return Ask("set_position", PoseArguments(x=x, y=y, heading=heading), type(None), "command")
+    return CallRequest("set_position", PoseArguments(x=x, y=y, heading=heading), type(None), "command")
 
 
-def position() -> Ask[Position]:
+def position() -> CallRequest[Position]:
     """Read the position of the base (`ROBOT_GETPOS`)."""
-    return Ask("position", NoArguments(), Position, "read", repeatable=True)
+    return CallRequest("position", NoArguments(), Position, "read", repeatable=True)
 
 
-def bumper() -> Ask[Bumpers]:
+def bumper() -> CallRequest[Bumpers]:
     """Read which bumpers touch something (`ROBOT_GETBMPR`)."""
-    return Ask("bumper", NoArguments(), Bumpers, "read", repeatable=True)
+    return CallRequest("bumper", NoArguments(), Bumpers, "read", repeatable=True)
 
 
-def set_bumper(setting: int) -> Ask[None]:
+def set_bumper(setting: int) -> CallRequest[None]:
     """Ignore the bumpers if `setting` is 0, else watch them, which is the default (`ROBOT_SETBMPR`).
 
     A watched bumper that is pressed stops every motion into it.
     """
-    return Ask("set_bumper", SetBumper(setting=setting), type(None), "command", repeatable=True)
+    return CallRequest("set_bumper", SetBumper(setting=setting), type(None), "command", repeatable=True)
 
 
-def mode() -> Ask[Mode]:
+def mode() -> CallRequest[Mode]:
     """Read the mode of the base, which the last command set (`ROBOT_GETMODE`)."""
-    return Ask("mode", NoArguments(), Mode, "read", repeatable=True)
+    return CallRequest("mode", NoArguments(), Mode, "read", repeatable=True)
 
 
-def speed_setting() -> Ask[float]:
+def speed_setting() -> CallRequest[float]:
     """Read the forward speed that was sent to the base last, in mm/s (`ROBOT_GETSPEED`)."""
-    return Ask("speed_setting", NoArguments(), float, "read", repeatable=True)
+    return CallRequest("speed_setting", NoArguments(), float, "read", repeatable=True)
 
 
-def wheel_speed() -> Ask[float]:
+def wheel_speed() -> CallRequest[float]:
     """Read the mean of the magnitudes of the wheels' measured speeds, in mm/s (`ROBOT_GETWSPEED`)."""
-    return Ask("wheel_speed", NoArguments(), float, "read", repeatable=True)
+    return CallRequest("wheel_speed", NoArguments(), float, "read", repeatable=True)
 
 
-def arbitration() -> Ask[Arbitration]:
+def arbitration() -> CallRequest[BaseArbitration]:
     """Read the clients and connections that may move the base, and the one that does so."""
-    return Ask("arbitration", NoArguments(), Arbitration, "read", repeatable=True)
+    return CallRequest("arbitration", NoArguments(), BaseArbitration, "read", repeatable=True)
 
 
-def deploy(deployed: Deployment) -> Ask[None]:
+def deploy(deployed: Deployment) -> CallRequest[None]:
     """Let the clients of a program command the base as long as this connection is open.
 
     Refused with the codes "busy" while another run's leader is connected, "deployment" if the deployment is
     invalid, "tie" if a connection commands with the priority of one of its clients.
     """
-    return Ask("deploy", deployed, type(None), "command", repeatable=True)
+    return CallRequest("deploy", deployed, type(None), "command", repeatable=True)
 
 
-def _command(method: str, arguments: msgspec.Struct) -> Ask[None]:
-    return Ask(method, arguments, type(None), "command")
+def _command(method: str, arguments: msgspec.Struct) -> CallRequest[None]:
+    return CallRequest(method, arguments, type(None), "command")
 
 
-def _motion(method: str, arguments: msgspec.Struct, wait: bool) -> Ask[float | None]:
-    return Ask(method, arguments, float | None, "command", wait_s=MOTION_WAIT_S if wait else None)
+def _motion(method: str, arguments: msgspec.Struct, wait: bool) -> CallRequest[float | None]:
+    return CallRequest(method, arguments, float | None, "command", wait_s=MOTION_WAIT_S if wait else None)

@@ -16,29 +16,207 @@ each frame, up to a timeout.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
+from queue import SimpleQueue
+from threading import Event, Thread
 from types import MappingProxyType
 from typing import NamedTuple, Protocol, TypeVar
 
-from colony.ir.frame import Answer
-from colony.runtime.frames.assembler import FRAME_RETENTION_NS, AssembledFrame, FrameAssembler
-from colony.runtime.frames.membership import READY_INTERVAL_NS
-from colony.runtime.frames.run_frame import RunFrame
+from colony.ir.frame import (
+    NOTHING_GIVEN,
+    Answer,
+    Decision,
+    Frame,
+    Outcome,
+    OverriddenCommand,
+    given_in_frame,
+    is_connection,
+)
+from colony.ir.memory import ProgramMemory
+from colony.ir.program import Actuator
+from colony.runtime.frames.assembler import (
+    FRAME_RETENTION_NS,
+    READY_INTERVAL_NS,
+    AssembledFrame,
+    FrameAssembler,
+)
+from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.observe.closing import close_all
-from colony.runtime.observe.monitor import Monitor
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import (
     UNHEARD,
     Effect,
+    Fate,
     Message,
     Ready,
     Request,
     Restart,
-    Send,
+    SendMessage,
     ServerFrame,
     Tick,
     Verdict,
 )
+
+# --- monitor -------------------------------------------------------------------------------------------
+#
+# The monitor, which steps the whole client list over the frames that the clients saw.
+#
+# This yields the contracts broken in each frame, the limited, clamped and faulty commands, and a check of
+# the runtime itself: while no client is late or lost, the verdicts must be the decisions of the client
+# list; otherwise a verdict may also be idle. Where a connection outside the network commanded, or a hold
+# kept the network from deciding, the client that did not get through must be the one that would have won.
+#
+# Contracts are evaluated of what was sent: of the command from outside, or of the idle command if the
+# actuator was idle because of a hold, or because a client was late or lost.
+#
+# Modules in Python run only in their own processes: the monitor takes the answers that they announced.
+# After a frame in which one of them announced no answer, memory is unknown as long as it depends on that
+# answer.
+
+
+_NO_ANSWERS: Mapping[str, Answer] = {}
+
+
+class CheckedFrame(NamedTuple):
+    """The expected outcome of a frame, and the unexcused differences of the verdicts from it."""
+
+    expected: Outcome
+    disagreements: tuple[str, ...]
+
+
+class RestartableExecutor(Protocol):
+    """An executor that can restart from its initial memory, and exposes its memory."""
+
+    def step(
+        self,
+        frame: Frame,
+        answers: Mapping[str, Answer],
+        given: Mapping[str, OverriddenCommand] = NOTHING_GIVEN,
+    ) -> Outcome:
+        """Return the outcome of a frame, given the answers of modules in Python.
+
+        `given` is what actuators were given, where that may not be what the network decided.
+        """
+        ...
+
+    def advance(self, frame: Frame, answers: Mapping[str, Answer], missing: Collection[str]) -> bool:
+        """Step over a frame with missing answers, or one after it; return True if memory is known."""
+        ...
+
+    def network_decisions(self) -> tuple[Decision, ...]:
+        """Return what the network decided in the last frame, whatever actuators were given."""
+        ...
+
+    @property
+    def memory(self) -> ProgramMemory | None:
+        """The current memory, None if it is unknown."""
+        ...
+
+    def restart(self) -> None:
+        """Reset all memory to its initial values."""
+        ...
+
+
+class Monitor:
+    """Checks verdicts against the client list. Mutable.
+
+    `degrading_actuators` are those with `on_loss degrade`. Once any client is lost, lesser clients may
+    command them, so their verdicts are not compared until memory restarts. `modules` are the modules in
+    Python. `actuators` are those of which contracts see what was sent, and not what the network decided.
+    """
+
+    def __init__(
+        self,
+        executor: RestartableExecutor,
+        degrading_actuators: Iterable[str] = (),
+        modules: Iterable[str] = (),
+        actuators: Iterable[Actuator] = (),
+    ) -> None:
+        self._actuators = tuple(actuators)
+        self._executor = executor
+        self._modules = frozenset(modules)
+        self._degrading_actuators = frozenset(degrading_actuators)
+        self._degraded: set[str] = set()
+        self._memory_is_initial, self._memory_unknown, self._is_doubted = True, False, False
+
+    def restart(self) -> None:
+        """Restart all memory with the next frame."""
+        if not self._memory_is_initial:
+            self._executor.restart()
+        self._degraded.clear()
+        self._memory_is_initial, self._memory_unknown, self._is_doubted = True, False, False
+
+    def lose_memory(self) -> None:
+        """Stop comparing until memory restarts, because a frame was missed."""
+        self._memory_unknown = True
+
+    def keyframe(self) -> Keyframe:
+        """Return the memory before the next frame."""
+        is_known = not (self._memory_unknown or self._is_doubted)
+        return Keyframe(self._executor.memory if is_known else None, bool(self._degraded))
+
+    def check(
+        self,
+        frame: Frame,
+        verdicts: Mapping[str, Verdict],
+        lost: Collection[str] = (),
+        answers: Mapping[str, Answer] = _NO_ANSWERS,
+    ) -> CheckedFrame:
+        """Step over a frame in which the clients `lost` are lost, and compare the received verdicts."""
+        if self._memory_unknown:
+            return CheckedFrame(Outcome(()), ())
+        self._memory_is_initial = False
+        if lost:
+            self._degraded.update(self._degrading_actuators)
+        missing = self._modules - answers.keys()
+        if missing or self._is_doubted:
+            self._is_doubted = not self._executor.advance(frame, answers, missing)
+            return CheckedFrame(Outcome(()), ())
+        given = given_in_frame(self._actuators, verdicts)
+        if given:
+            outcome = self._executor.step(frame, answers, given)
+            expected = outcome._replace(decisions=self._executor.network_decisions())
+        else:
+            expected = self._executor.step(frame, answers)
+        texts = (
+            self._disagreement(decision, verdict)
+            for decision in expected.decisions
+            if (verdict := verdicts.get(decision.actuator)) is not None
+        )
+        return CheckedFrame(expected, tuple(text for text in texts if text is not None))
+
+    def _disagreement(self, decision: Decision, verdict: Verdict) -> str | None:
+        same = (verdict.by, verdict.values, verdict.fault) == (decision.by, decision.values, decision.fault)
+        if same and not verdict.violation:
+            return None
+        if not verdict.violation and (decision.actuator in self._degraded or _is_excused(decision, verdict)):
+            return None
+        sent = f"{verdict.by or 'nobody'} {verdict.values}"
+        expected = f"{decision.by or 'nobody'} {decision.values}"
+        violation = "two clients were active: " if verdict.violation else ""
+        return f"{decision.actuator}: {violation}{sent} was sent; the client list gives {expected}"
+
+
+_EXCLUDED_FATES: frozenset[Fate] = frozenset({"overridden", "locked out", "stopped"})
+
+
+def _has_fate(verdict: Verdict, fates: frozenset[Fate]) -> bool:
+    return any(fate in fates for _, fate in verdict.fates)
+
+
+def _is_excused(decision: Decision, verdict: Verdict) -> bool:
+    """Return True if the verdict gives a reason why no client of the network commanded."""
+    if verdict.by is not None:
+        return False
+    if verdict.outside is None and verdict.hold is None:
+        return _has_fate(verdict, UNHEARD)
+    excluded = {
+        party for party, fate in verdict.fates if fate in _EXCLUDED_FATES and not is_connection(party)
+    }
+    return excluded <= {decision.by}
+
+
+# --- observer ------------------------------------------------------------------------------------------
 
 
 class Sink(Protocol):
@@ -172,7 +350,7 @@ class Observer:
             self._release()
         if isinstance(message, Tick) and self._contradicted_epoch == self._assembler.start:
             restart = Restart(client=self.address, start=self._contradicted_epoch)
-            effects = (*effects, Send(topics.RESTARTS, restart))
+            effects = (*effects, SendMessage(topics.RESTARTS, restart))
         return effects
 
     def close(self) -> None:
@@ -199,7 +377,7 @@ class Observer:
             return ()
         self._reported_ns = now_ns
         ready = Ready(client=self.address, run=self._assembler.run, progress=progress)
-        return (Send(topics.READY, ready),)
+        return (SendMessage(topics.READY, ready),)
 
     def _take_answers(self, message: Tick | ServerFrame) -> tuple[Effect, ...]:
         """Collect the answers of modules in Python; stop waiting for answers that are too far behind."""
@@ -303,3 +481,94 @@ def _pop_data_of_frame(by_frame: dict[int, dict[K, V]], k: int) -> dict[K, V]:
     for old_k in [number for number in by_frame if number < k]:
         del by_frame[old_k]
     return entry
+
+
+# --- background ----------------------------------------------------------------------------------------
+#
+# A thread that passes frames on to sinks: a slow disk or a terminal that takes nothing holds no frame up.
+
+
+MAX_WAITING = 20_000
+"""Maximum number of frames that wait: a quarter of an hour of most robots, some 100 MB."""
+
+PAUSE_S = 0.1
+"""Seconds until the next frames are passed on: waking a thread takes as long as recording a frame."""
+
+PATIENCE_S = 10.0
+"""Seconds after which a sink is given up at the end of a run, if it takes no frame meanwhile."""
+
+
+class BackgroundSink:
+    """A sink that passes frames to another one in a thread of its own. Mutable.
+
+    What the other sink raises is raised by the next `take`, or by `close`.
+
+    Args:
+        sink: the other sink.
+        dispensable: True for a sink that needs only the newest frames: others are dropped while it takes
+            none, and at the end a tenth of the patience is enough.
+    """
+
+    def __init__(self, sink: Sink, *, dispensable: bool = False) -> None:
+        self._sink = sink
+        self._dispensable = dispensable
+        self._taken = 0
+        self._queue: SimpleQueue[RunFrame | None] = SimpleQueue()
+        self._failure: BaseException | None = None
+        self._has_failed = False
+        self._closing = Event()
+        self._thread = Thread(target=self._run, name="sinks", daemon=True)
+        self._thread.start()
+
+    def take(self, log: RunFrame) -> None:
+        """Queue a frame.
+
+        Raises:
+            TimeoutError: too many frames wait.
+            Exception: as raised by the sink.
+        """
+        self._raise_failure()
+        if self._dispensable and not self._queue.empty():
+            return
+        if self._queue.qsize() >= MAX_WAITING:
+            raise TimeoutError(f"{MAX_WAITING} frames wait to be shown and recorded: nothing takes them")
+        self._queue.put(log)
+
+    def close(self) -> None:
+        """Pass on what waits, and close the sink.
+
+        Raises:
+            TimeoutError: the sink takes nothing any more.
+            Exception: as raised by the sink.
+        """
+        self._queue.put(None)
+        self._closing.set()
+        before = -1
+        while self._thread.is_alive() and before != self._taken:
+            before = self._taken
+            self._thread.join(PATIENCE_S / 10 if self._dispensable else PATIENCE_S)
+        if self._thread.is_alive():
+            if self._dispensable:
+                return
+            raise TimeoutError(f"{self._queue.qsize()} frames were not recorded: nothing takes them")
+        self._sink.close()
+        self._raise_failure()
+
+    def _run(self) -> None:
+        while (log := self._next()) is not None:
+            self._taken += 1
+            if not self._has_failed:
+                try:
+                    self._sink.take(log)
+                except BaseException as failure:
+                    self._failure, self._has_failed = failure, True
+
+    def _next(self) -> RunFrame | None:
+        if self._queue.empty():
+            self._closing.wait(PAUSE_S)
+        return self._queue.get()
+
+    def _raise_failure(self) -> None:
+        failure, self._failure = self._failure, None
+        if failure is not None:
+            raise failure

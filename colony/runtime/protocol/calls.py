@@ -22,7 +22,7 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.connections import Caller, Connection
+from colony.runtime.protocol.connections import Caller, ConnectionRecord
 from colony.runtime.protocol.messages import (
     Alive,
     Call,
@@ -33,7 +33,7 @@ from colony.runtime.protocol.messages import (
     Problem,
     Reply,
     Right,
-    Send,
+    SendMessage,
     Wake,
     WakeAt,
 )
@@ -242,7 +242,7 @@ class CallDispatcher:
         self._methods = {m.name: (m, msgspec.msgpack.Decoder(m.arguments)) for m in (*built_in, *methods)}
         self._admit = admit
         self._on_lost = on_lost
-        self._connections: dict[str, Connection] = {}
+        self._connections: dict[str, ConnectionRecord] = {}
         self._stops: OrderedDict[tuple[str, int], Effect] = OrderedDict()
         self._answer_bytes = 0
         self._limit_messages: dict[str, None] = {}
@@ -318,7 +318,7 @@ class CallDispatcher:
         if caller.connection in self._connections:
             raw = msgspec.Raw(msgspec.msgpack.encode(body))
             notice = Notice(connection=caller.connection, subject=subject, body=raw)
-            yield Send(topics.replies(self._server, caller.connection), notice)
+            yield SendMessage(topics.replies(self._server, caller.connection), notice)
 
     # --- calls ---------------------------------------------------------------------------------------
 
@@ -353,7 +353,7 @@ class CallDispatcher:
 
     def _answer_stop(self, connection: str, number: int, problem: Problem | None) -> Effect:
         reply = Reply(connection=connection, number=number, problem=problem)
-        sent = self._stops[connection, number] = Send(topics.replies(self._server, connection), reply)
+        sent = self._stops[connection, number] = SendMessage(topics.replies(self._server, connection), reply)
         if len(self._stops) > STOPS_KEPT:
             self._stops.popitem(last=False)
         return sent
@@ -372,7 +372,7 @@ class CallDispatcher:
         connection.last_message_ns = now_ns
         number = call.number
         if number in connection.answers:
-            yield Send(topics.replies(self._server, call.connection), connection.answers[number])
+            yield SendMessage(topics.replies(self._server, call.connection), connection.answers[number])
         elif number not in connection.pending and number > connection.highest_dropped:
             full = len(connection.pending) >= MAX_WAITING_PER_CONNECTION
             connection.pending.add(number)
@@ -385,7 +385,7 @@ class CallDispatcher:
             else:
                 yield from self._execute(connection, call, now_ns)
 
-    def _execute(self, connection: Connection, call: Call, now_ns: int) -> Iterator[Effect]:
+    def _execute(self, connection: ConnectionRecord, call: Call, now_ns: int) -> Iterator[Effect]:
         call_id = CallId(connection.caller, call.number)
         entry = self._methods.get(call.method)
         # answers to reads may be large, so they are not kept: a repeated read is executed again
@@ -426,7 +426,7 @@ class CallDispatcher:
             raise RefusedError("arguments", f"{where}: {problem}") from None
         return called.handler(call_id, arguments, now_ns)
 
-    def _open(self, call: Call, now_ns: int) -> tuple[Connection | None, Problem]:
+    def _open(self, call: Call, now_ns: int) -> tuple[ConnectionRecord | None, Problem]:
         try:
             opening = msgspec.msgpack.decode(call.arguments, type=Open)
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
@@ -443,7 +443,7 @@ class CallDispatcher:
             self._admit(caller)
         except RefusedError as refused:
             return None, refused.problem
-        connection = Connection(caller=caller, since_ns=now_ns, last_message_ns=now_ns)
+        connection = ConnectionRecord(caller=caller, since_ns=now_ns, last_message_ns=now_ns)
         self._connections[call.connection] = connection
         return connection, _CLOSED
 
@@ -467,7 +467,7 @@ class CallDispatcher:
         if reply.problem is not None:
             connection.problems += 1
             connection.last_problem = reply.problem.message
-        yield Send(topics.replies(self._server, call_id.caller.connection), reply)
+        yield SendMessage(topics.replies(self._server, call_id.caller.connection), reply)
 
     def _drop_answers(self) -> None:
         """Drop answers of the connection with the most bytes of answers, oldest first, all if necessary."""
@@ -480,7 +480,7 @@ class CallDispatcher:
 
     def _fail(self, connection: str, number: int, problem: Problem) -> Effect:
         reply = Reply(connection=connection, number=number, problem=problem)
-        return Send(topics.replies(self._server, connection), reply)
+        return SendMessage(topics.replies(self._server, connection), reply)
 
     def _status(self, call_id: CallId, arguments: object, now_ns: int) -> Status:
         return Status(

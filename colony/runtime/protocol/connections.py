@@ -28,7 +28,7 @@ class Caller(NamedTuple):
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
-class Connection:
+class ConnectionRecord:
     """One connection: the time of its last message, its pending calls, and its kept answers. Mutable.
 
     `highest_dropped` is the highest number of a call whose answer is no longer kept.

@@ -41,6 +41,8 @@ import msgspec
 from colony.ir.frame import Answer, Bid
 from colony.ir.types import ScalarValue, Value
 
+# --- messages ------------------------------------------------------------------------------------------
+
 
 class Sample(NamedTuple):
     """A reading and the time at which the device took it."""
@@ -375,7 +377,7 @@ WireMessage = SentMessage | Batch
 Message = SentMessage | Malformed | Wake
 
 
-class Send(NamedTuple):
+class SendMessage(NamedTuple):
     """Effect: deliver `message` to every node that listens to `topic`."""
 
     topic: str
@@ -388,7 +390,7 @@ class WakeAt(NamedTuple):
     t_ns: int
 
 
-Effect = Send | WakeAt
+Effect = SendMessage | WakeAt
 
 
 class Node(Protocol):
@@ -448,3 +450,23 @@ class SettlingNode(Protocol):
     def settle(self) -> Callable[[], None] | None:
         """Return a function that finishes the work of the messages handled so far; None if there is none."""
         ...
+
+
+# --- wakes ---------------------------------------------------------------------------------------------
+#
+# The wakes that a node asks for: one at a time, in place of one for each change of what is due.
+
+
+class WakeSchedule:
+    """The next wake of a node or of one of its parts. Mutable."""
+
+    def __init__(self) -> None:
+        self._next_ns: int | None = None
+
+    def request(self, due_ns: int | None, now_ns: int) -> Iterable[Effect]:
+        """Ask for a wake at `due_ns`, unless one is to come by then; None asks for nothing."""
+        next_ns = self._next_ns
+        if due_ns is None or due_ns == next_ns or (next_ns is not None and now_ns < next_ns < due_ns):
+            return ()
+        self._next_ns = due_ns
+        return (WakeAt(due_ns),)

@@ -33,11 +33,8 @@ from colony.ir.program import Actuator
 from colony.ir.version import SEMANTICS
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.messages import Verdict
-from colony.runtime.recordings.answers import answers_text
-from colony.runtime.recordings.json_text import seconds_text, sensor_members
-from colony.runtime.recordings.keyframes import keyframe_members
-from colony.runtime.recordings.replay import PARAMS, SHADOW
-from colony.runtime.recordings.site import site_text
+from colony.runtime.recordings.json_text import answers_text, keyframe_members, seconds_text, sensor_members
+from colony.runtime.recordings.replay import PARAMS, SHADOW, site_text
 
 
 class ByteFile(Protocol):

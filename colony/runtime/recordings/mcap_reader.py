@@ -22,11 +22,15 @@ from colony.files import size_text
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, Program
 from colony.ir.version import SEMANTICS, semantics_mismatch
-from colony.runtime.frames.run_frame import Keyframe, Place, RunFrame
+from colony.runtime.frames.run_frame import FilePosition, Keyframe, RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
-from colony.runtime.recordings.answers import AnswerMessage, read_answers
-from colony.runtime.recordings.json_text import lone_surrogate, parse_int
-from colony.runtime.recordings.keyframes import read_keyframe
+from colony.runtime.recordings.json_text import (
+    AnswerMessage,
+    lone_surrogate,
+    parse_int,
+    read_answers,
+    read_keyframe,
+)
 from colony.runtime.recordings.mcap_records import (
     ChunkMessage,
     Damage,
@@ -49,9 +53,8 @@ from colony.runtime.recordings.mcap_writer import (
 )
 from colony.runtime.recordings.reader import BREAKS_OFF, begins_in_middle, command_values, gaps
 from colony.runtime.recordings.recorded import RunInfo
-from colony.runtime.recordings.replay import RECORD_AGAIN
+from colony.runtime.recordings.replay import RECORD_AGAIN, read_site
 from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, SHADOW, VERDICTS
-from colony.runtime.recordings.site import read_site
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 from colony.text.wording import counted
@@ -123,7 +126,7 @@ class McapReader:
         self.shadow = self.run.shadow
         self._remaining = chain(first_records, records)
 
-    def go_to(self, place: Place) -> None:
+    def go_to(self, place: FilePosition) -> None:
         """Let the first frame be the one at a place in the file; call it before `frames`."""
         self._topics.update(place.topics)
         self._remaining = chain((), self._records(self._file, place.offset))
@@ -381,7 +384,11 @@ class _RecordedFrameAssembler:
         verdicts = [
             _to_verdict(self._actuators[topic], verdict, t_ns) for topic, verdict in self._verdicts.items()
         ]
-        place = Place(self._chunk, message.start, tuple(self._topics.items())) if self._begins_chunk else None
+        place = (
+            FilePosition(self._chunk, message.start, tuple(self._topics.items()))
+            if self._begins_chunk
+            else None
+        )
         frame = RunFrame(
             tick=Tick(
                 k=message.k,

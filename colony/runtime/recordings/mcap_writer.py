@@ -36,11 +36,10 @@ from colony.ir.version import SEMANTICS
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.observe.observer import KEYFRAME_NS
 from colony.runtime.protocol.messages import Fate, Hold, Request, Verdict
-from colony.runtime.recordings.answers import answers_text
-from colony.runtime.recordings.json_text import seconds_text, sensor_members
-from colony.runtime.recordings.keyframes import keyframe_members
+from colony.runtime.recordings.json_text import answers_text, keyframe_members, seconds_text, sensor_members
 from colony.runtime.recordings.lines import ByteFile, write_all
 from colony.runtime.recordings.recorded import RunInfo
+from colony.runtime.recordings.replay import site_text
 from colony.runtime.recordings.schemas import (
     CONTRACTS,
     FRAMES,
@@ -50,7 +49,6 @@ from colony.runtime.recordings.schemas import (
     VERDICTS,
     channel_schemas,
 )
-from colony.runtime.recordings.site import site_text
 
 FORMAT = "colony-recording/2"
 """Format of recordings. Version 1 had no checksums."""

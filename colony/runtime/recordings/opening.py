@@ -9,8 +9,7 @@ from colony.files import open_regular, reason
 from colony.ir.site import Site
 from colony.runtime.recordings.reader import MAGIC, FramesReader, LinesReader
 from colony.runtime.recordings.recorded import RecordingReader
-from colony.runtime.recordings.replay import CHECKSUM_PREFIX
-from colony.runtime.recordings.site import site_of_lines
+from colony.runtime.recordings.replay import CHECKSUM_PREFIX, site_of_lines
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 

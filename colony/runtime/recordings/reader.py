@@ -14,11 +14,10 @@ import msgspec
 
 from colony.files import bounded_lines, reason
 from colony.ir.program import Actuator, Program
-from colony.runtime.frames.run_frame import Place, RunFrame
+from colony.runtime.frames.run_frame import FilePosition, RunFrame
 from colony.runtime.protocol.messages import Fate, Hold, Tick, Verdict
-from colony.runtime.recordings.answers import AnswerMessage, read_answers
-from colony.runtime.recordings.keyframes import read_keyframe
-from colony.runtime.recordings.replay import LINE_BYTES, SHADOW, Row, Rows, line_error
+from colony.runtime.recordings.json_text import AnswerMessage, read_answers, read_keyframe
+from colony.runtime.recordings.replay import LINE_BYTES, SHADOW, RecordingLine, Rows, line_error
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
@@ -36,13 +35,13 @@ class _Lines:
     def __init__(self, file: BinaryIO, name: str) -> None:
         self._file = file
         self._name = name
-        self._place: Place | None = None
+        self._place: FilePosition | None = None
         self.truncation: str | None = None
         self.remarks: list[str] = []
         self.damaged = False
         self.shadow = False
 
-    def go_to(self, place: Place) -> None:
+    def go_to(self, place: FilePosition) -> None:
         """Let the first frame be the one at a place in the file; call it before `frames`."""
         self._place = place
         self._file.seek(place.offset)
@@ -65,7 +64,7 @@ class LinesReader(_Lines):
             DiagnosticError: at the first bad line. Codes: those of `Rows`, A004 for a malformed decision, and
                 A001 if the file cannot be read or a line is too long.
         """
-        place = self._place or Place(0, _UNKNOWN_START)
+        place = self._place or FilePosition(0, _UNKNOWN_START)
         start = None if self._place is None else self._place.start
         rows = Rows(self._bounded(), self._name, program)
         for index, row in enumerate(rows):
@@ -76,7 +75,7 @@ class LinesReader(_Lines):
                     start = k if members.restart else _start(k, row)
                 tick = Tick(k=k, t_ns=row.frame.t_ns, start=start, gaps=gaps(members.previous, k))
                 recorded = _recorded_frame(tick, row, program, members)
-                recorded = replace(recorded, place=Place(place.offset + row.offset, start))
+                recorded = replace(recorded, place=FilePosition(place.offset + row.offset, start))
             except Exception as problem:  # malformed in any way
                 message = f"this is not a decision of this program: {problem}"
                 raise DiagnosticError(
@@ -138,7 +137,7 @@ _UNKNOWN_START = -1
 """Placeholder for the first frame of an epoch, if it is unknown."""
 
 
-def _start(k: int, row: Row) -> int:
+def _start(k: int, row: RecordingLine) -> int:
     """Return the first frame of the epoch of a recording's first line.
 
     A recorded line without a keyframe is in the middle of an epoch, and so is one whose keyframe has memory
@@ -193,7 +192,7 @@ class _Decision(
     held_by: Hold | None = None
 
 
-def _recorded_frame(tick: Tick, row: Row, program: Program, members: _Row) -> RunFrame:
+def _recorded_frame(tick: Tick, row: RecordingLine, program: Program, members: _Row) -> RunFrame:
     actuators = program.robot.actuators
     verdicts = {a.name: _verdict(tick, a, row.values[a.name]) for a in actuators if a.name in row.values}
     lost = {f"{v.actuator}/{c}" for v in verdicts.values() for c, fate in v.fates if fate == "lost"}

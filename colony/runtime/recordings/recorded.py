@@ -9,7 +9,7 @@ from typing import Protocol
 from colony.execute.compiled import SourceFile
 from colony.ir.program import Program
 from colony.ir.site import Site
-from colony.runtime.frames.run_frame import Place, RunFrame
+from colony.runtime.frames.run_frame import FilePosition, RunFrame
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +65,7 @@ class RecordingReader(Protocol):
         """True if data after the last frame is damaged; valid after all frames were read."""
         ...
 
-    def go_to(self, place: Place) -> None:
+    def go_to(self, place: FilePosition) -> None:
         """Let the first frame be the one at a place in the file; call it before `frames`."""
         ...
 

@@ -17,17 +17,24 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from decimal import Decimal
 from itertools import chain, islice
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
+import msgspec
+
+from colony.files import bounded_lines
 from colony.ir.frame import Decision, Frame, Outcome
 from colony.ir.program import SENT, Program
+from colony.ir.site import Site
 from colony.ir.types import Array
 from colony.ir.version import SEMANTICS, semantics_mismatch
 from colony.runtime.recordings.json_text import lone_surrogate, parse_int, seconds_text
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.source import Source, Span
-from colony.text.suggestions import did_you_mean
 from colony.text.units import nanoseconds
+from colony.text.wording import did_you_mean
+
+# --- replay --------------------------------------------------------------------------------------------
+
 
 LINE_BYTES = 4 * 1024 * 1024
 """Byte limit of a line of a recording; no message of a robot, and so no frame, is larger."""
@@ -39,7 +46,7 @@ _MAX_TIME_S = 9e9
 """Maximum time in seconds, almost 300 years, so that the time in nanoseconds fits into 64 bits."""
 
 
-class Row(NamedTuple):
+class RecordingLine(NamedTuple):
     """A line of a recording: its number, its text, its frame, and all members of its JSON object.
 
     `damaged` is True if lines just before it are damaged. `offset` is that of the line, in bytes from the
@@ -73,7 +80,7 @@ class Rows:
         self.broken_off = False
         """True if the last line breaks off."""
 
-    def __iter__(self) -> Iterator[Row]:
+    def __iter__(self) -> Iterator[RecordingLine]:
         """Yield the undamaged lines as rows."""
         remaining = enumerate(self._lines, 1)
         leading = tuple(islice(remaining, DETECTION_LINES))
@@ -155,7 +162,7 @@ class _RowParser:
         self._ignored = RESERVED.union(a.name for a in program.robot.actuators)
         self._last_ns: int | None = None
 
-    def parse_row(self, number: int, data: bytes) -> Row:
+    def parse_row(self, number: int, data: bytes) -> RecordingLine:
         text = self._text(number, data)
         try:
             row = json.loads(text, object_pairs_hook=_reject_repeated_keys, parse_int=parse_int)
@@ -187,7 +194,7 @@ class _RowParser:
         if not isinstance(restarted, bool):
             message = f'"restarted" must be true or false, found {_kind(restarted)}'
             raise self._failure("F009", number, text, self._offset(text, "restarted"), message)
-        return Row(number, text, Frame(t_ns, readings, restarted=restarted), row)
+        return RecordingLine(number, text, Frame(t_ns, readings, restarted=restarted), row)
 
     def _text(self, number: int, data: bytes) -> str:
         try:
@@ -312,3 +319,69 @@ def _decision(decision: Decision, fields: list[str]) -> str:
     if decision.fault is not None:
         row["fault"] = decision.fault
     return json.dumps(row)
+
+
+# --- site ----------------------------------------------------------------------------------------------
+#
+# The params of a site in recordings: in the metadata of MCAP, in the lines with a keyframe of JSON lines.
+
+
+_SEARCHED_LINES = 10_000
+"""Maximum number of lines that are searched for a keyframe; every half second has one."""
+
+
+class SiteMessage(msgspec.Struct, frozen=True, kw_only=True):
+    """The params of a site, as a recording has them.
+
+    `proved` are the contracts that were proved with these values, None for a run that needed no proof.
+    """
+
+    file: str
+    hash: str
+    values: dict[str, str]
+    proved: tuple[str, ...] | None = None
+
+
+def site_message(site: Site) -> SiteMessage:
+    """Return the params of a site for a recording."""
+    return SiteMessage(file=site.file, hash=site.hash, values=dict(site.values), proved=site.proved)
+
+
+def site_text(site: Site) -> str:
+    """Return the params of a site as JSON."""
+    return json.dumps(msgspec.to_builtins(site_message(site)))
+
+
+def read_site(message: Any) -> Site | None:
+    """Return the params of a site; None if the message is absent.
+
+    Raises:
+        msgspec.ValidationError: the message is malformed, or its hash is not that of its values.
+    """
+    if message is None:
+        return None
+    found = msgspec.convert(message, SiteMessage)
+    values = tuple(sorted(found.values.items()))
+    site = Site(file=found.file, values=values, proved=found.proved)
+    if site.hash != found.hash:
+        raise msgspec.ValidationError("the params do not have their hash")
+    return site
+
+
+def site_of_lines(file: BinaryIO) -> Site | None:
+    """Return the params in the first undamaged line with a keyframe; None if there are none.
+
+    Raises:
+        OSError: the file cannot be read.
+    """
+    for number, line in enumerate(bounded_lines(file, LINE_BYTES)):
+        if number >= _SEARCHED_LINES:
+            break
+        if b'"@keyframe"' not in line or not has_valid_checksum(line):
+            continue
+        try:
+            row = json.loads(line)
+            return read_site(row.get(PARAMS)) if isinstance(row, Mapping) else None
+        except Exception:  # malformed in any way
+            continue
+    return None

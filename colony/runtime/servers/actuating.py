@@ -25,8 +25,13 @@ from colony.runtime.library import actuator
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import CallId, Method, NoArguments, RefusedError, method
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, ActuatorSpec, Deployment, actuators_of
-from colony.runtime.protocol.leadership import Leadership
+from colony.runtime.protocol.deployment import (
+    MAX_DEPLOYMENT_BYTES,
+    ActuatorSpec,
+    Deployment,
+    Leadership,
+    actuators_of,
+)
 from colony.runtime.protocol.messages import (
     Bounds,
     Effect,
@@ -38,10 +43,9 @@ from colony.runtime.protocol.messages import (
     Stopped,
     Tick,
     Wake,
+    WakeSchedule,
 )
-from colony.runtime.protocol.wakes import WakeSchedule
-from colony.runtime.servers.built_in import mismatch
-from colony.runtime.servers.commanding import CommandDispatcher, Perform
+from colony.runtime.servers.commanding import CommandDispatcher, Perform, mismatch
 from colony.runtime.servers.outside_control import FRAME_NS, Answer, Frames, OutsideControl
 
 WATCHDOG_DEADLINES = 3

@@ -18,8 +18,48 @@ from typing import NamedTuple
 import msgspec
 
 from colony.runtime.protocol.calls import RefusedError
-from colony.runtime.servers.bounds import Bound
 from colony.runtime.store.store import Journal, Key
+
+# --- bounds --------------------------------------------------------------------------------------------
+#
+# Limits on the state of a server, and reports of the limits that were reached.
+
+
+class ResourceLimit:
+    """A limit. Stateful: remembers whether a request was refused because of it.
+
+    Args:
+        what: the display name of the counted things.
+        limit: the maximum count.
+        in_bytes: True if the count is in bytes.
+    """
+
+    def __init__(self, what: str, limit: int, *, in_bytes: bool = False) -> None:
+        self.limit = limit
+        self._what = what
+        self._in_bytes = in_bytes
+        self._was_reached = False
+
+    def allows(self, count: int) -> bool:
+        """Return True if `count` is allowed; if not, remember that the limit was reached."""
+        self._was_reached |= count > self.limit
+        return count <= self.limit
+
+    def limit_messages(self, count: int) -> tuple[str, ...]:
+        """Return a message if `count` reaches the limit or a request was ever refused; else nothing."""
+        if count < self.limit and not self._was_reached:
+            return ()
+        refused = ", and there was no room for more" if self._was_reached else ""
+        return (f"{self._what}: {self._format(count)} of {self._format(self.limit)} are used{refused}",)
+
+    def _format(self, count: int) -> str:
+        if not self._in_bytes:
+            return str(count)
+        return f"{count / (1 << 20):.1f} MiB" if count >= 1 << 20 else f"{count / 1024:.1f} KiB"
+
+
+# --- call answers --------------------------------------------------------------------------------------
+
 
 ANSWERS_PER_CONNECTION = 64
 """Number of answers recorded for a connection."""
@@ -58,7 +98,7 @@ class CallAnswers:
     def __init__(self, journal: Journal) -> None:
         self._journal = journal
         self._rings: OrderedDict[str, _Ring] = OrderedDict()
-        self._bound = Bound("answers to calls", MAX_TOTAL_BYTES, in_bytes=True)
+        self._bound = ResourceLimit("answers to calls", MAX_TOTAL_BYTES, in_bytes=True)
         self._used = 0
 
     @property

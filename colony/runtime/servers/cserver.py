@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from colony.runtime.arbitration.locks import LockQueue
+from colony.runtime.arbitration.outside import LockQueue
 from colony.runtime.frames.publishing import FRAMES_KEPT, Publisher
 from colony.runtime.library.camera import GrabRows, ImageSize, LockImage, SetPeriod
 from colony.runtime.protocol.calls import (
@@ -37,8 +37,8 @@ from colony.runtime.protocol.messages import (
     QuietNode,
     Tick,
     Wake,
+    WakeSchedule,
 )
-from colony.runtime.protocol.wakes import WakeSchedule
 from colony.runtime.servers.drivers import CameraDriver
 
 CSERVER = "CServer"
@@ -54,7 +54,7 @@ _MAX_PIXEL_BYTES = MAX_MESSAGE_BYTES - 4096
 """Byte limit of the pixels in one message; the remainder is for the other fields of the reply."""
 
 
-class Camera:
+class SharedCamera:
     """A camera: its newest shot, its lock and its period. Mutable.
 
     Args:
@@ -171,7 +171,7 @@ class CServer(QuietNode):
         self, driver: CameraDriver, *, frames_kept: int = FRAMES_KEPT, address: str = CSERVER
     ) -> None:
         self.address = address
-        self._camera = Camera(address, driver)
+        self._camera = SharedCamera(address, driver)
         self._publisher = Publisher(address, lambda tick: {}, frames_kept=frames_kept)
         self._calls = CallDispatcher(address, self._camera.methods, on_lost=self._lost)
         self._wakes = WakeSchedule()

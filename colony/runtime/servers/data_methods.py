@@ -16,9 +16,9 @@ from colony.runtime.library.data import (
     CreateSemaphore,
     Get,
     GetMany,
-    History,
+    HistoryArguments,
     ListNames,
-    Named,
+    NameArguments,
     SemaphoreState,
     Set,
     SetHistory,
@@ -28,16 +28,17 @@ from colony.runtime.library.data import (
 )
 from colony.runtime.protocol.calls import LATER, CallId, Later, Method, RefusedError, method
 from colony.runtime.protocol.deployment import ActuatorSpec
-from colony.runtime.servers.names import SortedNames, validate_name
 from colony.runtime.servers.semaphores import Semaphores, timeout_refusal
 from colony.runtime.servers.variables import (
     MAX_DECODED_BYTES,
     MAX_VALUE_BYTES,
     CheckedValue,
+    SortedNames,
     StoredValue,
     Variables,
     encode_value,
     unknown_variable,
+    validate_name,
     validate_value,
 )
 
@@ -93,17 +94,17 @@ class DataMethods:
             method("set_many", SetMany, self._set_many, max_bytes=MAX_SET_BYTES),
             method("get", Get, self._get, right="read"),
             method("get_many", GetMany, self._get_many, right="read", max_bytes=MAX_NAMES_BYTES),
-            method("history", History, self._history, right="read"),
+            method("history", HistoryArguments, self._history, right="read"),
             method("set_history", SetHistory, self._set_history),
-            method("delete", Named, self._delete),
+            method("delete", NameArguments, self._delete),
             method("names", ListNames, self._names, right="read"),
             method("create_semaphore", CreateSemaphore, self._create_semaphore),
             method("wait", Wait, self._wait),
-            method("signal", Named, self._signal),
-            method("release", Named, self._release),
-            method("semaphore", Named, self._semaphore, right="read"),
+            method("signal", NameArguments, self._signal),
+            method("release", NameArguments, self._release),
+            method("semaphore", NameArguments, self._semaphore, right="read"),
             method("semaphores", ListNames, self._semaphore_names, right="read"),
-            method("delete_semaphore", Named, self._delete_semaphore),
+            method("delete_semaphore", NameArguments, self._delete_semaphore),
         )
 
     def expire(self, now_ns: int) -> None:
@@ -153,7 +154,7 @@ class DataMethods:
         _check_reply_size(values.values(), "fewer variables")
         return {name: msgspec.Raw(stored.data) for name, stored in values.items()}
 
-    def _history(self, call_id: CallId, arguments: History, now_ns: int) -> tuple[TimedValue, ...]:
+    def _history(self, call_id: CallId, arguments: HistoryArguments, now_ns: int) -> tuple[TimedValue, ...]:
         limit = arguments.limit
         if not 1 <= limit <= MAX_VALUES_PER_REPLY or arguments.back > 0:
             wrong = f"{limit} values of a history, starting at value {arguments.back}"
@@ -166,7 +167,7 @@ class DataMethods:
     def _set_history(self, call_id: CallId, arguments: SetHistory, now_ns: int) -> None:
         self._variables.set_history(validate_name(arguments.name), arguments.length)
 
-    def _delete(self, call_id: CallId, arguments: Named, now_ns: int) -> bool:
+    def _delete(self, call_id: CallId, arguments: NameArguments, now_ns: int) -> bool:
         deleted = self._variables.delete(arguments.name)
         if deleted:
             self._on_change(arguments.name)
@@ -190,19 +191,19 @@ class DataMethods:
             self.wake_at = due
         return LATER
 
-    def _signal(self, call_id: CallId, arguments: Named, now_ns: int) -> None:
+    def _signal(self, call_id: CallId, arguments: NameArguments, now_ns: int) -> None:
         self._grant(self._semaphores.signal(arguments.name, call_id.caller.connection))
 
-    def _release(self, call_id: CallId, arguments: Named, now_ns: int) -> None:
+    def _release(self, call_id: CallId, arguments: NameArguments, now_ns: int) -> None:
         self._grant(self._semaphores.release(arguments.name, call_id.caller.connection))
 
-    def _semaphore(self, call_id: CallId, arguments: Named, now_ns: int) -> SemaphoreState:
+    def _semaphore(self, call_id: CallId, arguments: NameArguments, now_ns: int) -> SemaphoreState:
         return self._semaphores.state(arguments.name)
 
     def _semaphore_names(self, call_id: CallId, arguments: ListNames, now_ns: int) -> tuple[str, ...]:
         return _page(self._semaphores.names, arguments)
 
-    def _delete_semaphore(self, call_id: CallId, arguments: Named, now_ns: int) -> bool:
+    def _delete_semaphore(self, call_id: CallId, arguments: NameArguments, now_ns: int) -> bool:
         deleted, waiting = self._semaphores.delete(arguments.name)
         refused = RefusedError("deleted", f"DServer: `{arguments.name}` was deleted")
         self.answers += [(call_id, refused) for call_id in waiting]

@@ -11,13 +11,23 @@ only read, ticks, frames, and the commands of actuators.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import NamedTuple
 
 import msgspec
 
 from colony.ir.servers import DSERVER
 from colony.ir.types import ScalarValue, Value
-from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
+from colony.runtime.frames.assembler import BLIND, COMMAND, ERROR
+from colony.runtime.frames.publishing import (
+    FRAME_BYTES,
+    FRAMES_KEPT,
+    KEPT_BYTES,
+    FetchBudget,
+    Fields,
+    Publisher,
+    frame_bytes,
+)
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.deployment import ActuatorSpec, Deployment, actuators_of, client_addresses
@@ -28,22 +38,232 @@ from colony.runtime.protocol.messages import (
     Fetch,
     Message,
     Recall,
+    Sample,
+    SendMessage,
+    ServerFrame,
     Tick,
 )
 from colony.runtime.servers.actuating import CommandedActuators
-from colony.runtime.servers.call_answers import CallAnswers
-from colony.runtime.servers.checkpoints import Checkpoints
-from colony.runtime.servers.data_calls import DataCalls
+from colony.runtime.servers.call_answers import CallAnswers, ResourceLimit
+from colony.runtime.servers.data_calls import DataCalls, Watches
 from colony.runtime.servers.data_methods import set_commanded_variable
 from colony.runtime.servers.frame_content import FrameSubscriptions
-from colony.runtime.servers.last_sent import LastSent
-from colony.runtime.servers.outside_commands import OutsideCommands
-from colony.runtime.servers.outside_control import ActuatorState
-from colony.runtime.servers.relaying import ActivityRelay
+from colony.runtime.servers.outside_control import ActuatorState, OutsideCommands
 from colony.runtime.servers.semaphores import Semaphores
 from colony.runtime.servers.variables import Variables
-from colony.runtime.servers.watching import Watches
 from colony.runtime.store.store import Journal, Key, MemoryStore, Store, StoreError
+
+# --- relaying ------------------------------------------------------------------------------------------
+#
+# The relay in DServer, which publishes the answers of modules in Python as frames.
+
+
+class ActivityRelay:
+    """A publisher of announcements as frames. Mutable.
+
+    It keeps the newest `frames_kept` frames of each module, and answers fetches within a budget that each
+    tick renews. It passes fetches of answers that are not kept here on to the module's process, which
+    announces them again: only DServer is linked to both that process and those that fetch.
+    """
+
+    def __init__(self, server: str, modules: tuple[str, ...], *, frames_kept: int) -> None:
+        self._server = server
+        self._max_frames = frames_kept
+        self._budget = FetchBudget()
+        self.listens = (topics.announcements(server), topics.fetches(server))
+        self.deploy(modules)
+
+    def deploy(self, modules: tuple[str, ...]) -> None:
+        """Relay the answers of these modules from now on."""
+        self._names = {module: topics.activity(self._server, module) for module in modules}
+        self._modules = {name: module for module, name in self._names.items()}
+        self._frames: dict[str, dict[int, ServerFrame]] = {name: {} for name in self._names.values()}
+        self._bytes = dict.fromkeys(self._frames, 0)
+        self._bytes_per_module = KEPT_BYTES // max(1, len(self._names))
+
+    def tick(self) -> None:
+        """Begin a frame: renew the budget for fetches."""
+        self._budget.reset()
+
+    def announce(self, message: Announcement, now_ns: int) -> Iterable[Effect]:
+        """Relay an announcement; ignore unknown modules and repeated announcements."""
+        name = self._names.get(message.module)
+        if name is None or message.k in self._frames[name]:
+            return ()
+        kept = self._frames[name]
+        values, error, blind = message.answer
+        fields = {
+            COMMAND: None if values is None else Sample(values, now_ns),
+            ERROR: Sample(error, now_ns),
+            BLIND: Sample(blind, now_ns),
+        }
+        frame = kept[message.k] = ServerFrame(server=name, k=message.k, fields=fields)
+        self._bytes[name] += frame_bytes(fields)
+        while len(kept) > 1 and (len(kept) > self._max_frames or self._bytes[name] > self._bytes_per_module):
+            self._bytes[name] -= frame_bytes(kept.pop(next(iter(kept))).fields)
+        return (SendMessage(topics.frames(name), frame),)
+
+    def fetch(self, message: Fetch) -> Iterable[Effect]:
+        """Publish a frame again, or let the module announce it again if it is not kept."""
+        module = self._modules.get(message.server)
+        if module is None:
+            return ()
+        frame = self._frames[message.server].get(message.k)
+        size = FRAME_BYTES if frame is None else frame_bytes(frame.fields)
+        if not self._budget.take(message.server, message.k, size):
+            return ()
+        if frame is None:
+            return (SendMessage(topics.repeats(self._server, module), message),)
+        return (SendMessage(topics.frames(message.server), frame),)
+
+
+# --- last sent -----------------------------------------------------------------------------------------
+#
+# Commands last sent to actuators on `idle hold`, kept for the time after a restart of DServer.
+#
+# Such an actuator keeps the value of its last command, which may be long ago: `last.ACTUATOR.FIELD` has
+# that value in a server that was restarted, too. Other actuators get a command in every frame.
+
+
+class _Sent(NamedTuple):
+    run: str
+    values: tuple[bool | float, ...]
+
+
+class LastSent:
+    """The last command of each actuator that holds, in base units. Mutable; changes go to the journal."""
+
+    def __init__(self, journal: Journal) -> None:
+        self._journal = journal
+        self._run = ""
+        self._sent: dict[str, _Sent] = {}
+
+    def begin(self, run: str, actuators: Iterable[ActuatorSpec]) -> Mapping[str, tuple[ScalarValue, ...]]:
+        """Begin or continue a run; return what these actuators were given in it, and drop the rest."""
+        self._run = run
+        names = {spec.name for spec in actuators if _is_kept(spec)}
+        for name, sent in tuple(self._sent.items()):
+            if sent.run != run or name not in names:
+                del self._sent[name]
+                self._journal.drop(Key("sent", name))
+        return {name: sent.values for name, sent in self._sent.items()}
+
+    def put(self, actuator: ActuatorSpec, values: tuple[ScalarValue, ...]) -> None:
+        """Keep a command, if the actuator holds it and its frames report it."""
+        if not _is_kept(actuator):
+            return
+        sent = _Sent(self._run, values)
+        if repr(sent) != repr(self._sent.get(actuator.name)):  # 0.0 is not -0.0
+            self._sent[actuator.name] = sent
+            self._journal.put(Key("sent", actuator.name), _encode(sent))
+
+    def load(self, entries: Mapping[Key, bytes]) -> None:
+        """Load the commands from the entries of a store."""
+        for key, data in entries.items():
+            if key.kind == "sent":
+                self._sent[key.name] = _sent.decode(data)
+
+
+def _is_kept(actuator: ActuatorSpec) -> bool:
+    return actuator.idle is None and bool(actuator.reported)
+
+
+_encode = msgspec.msgpack.Encoder().encode
+_sent = msgspec.msgpack.Decoder(_Sent)
+
+
+# --- checkpoints ---------------------------------------------------------------------------------------
+#
+# Checkpoints at DServer: the memory of a program's clients, for the processes that replace lost clients.
+#
+# DServer accepts checkpoints only of clients of the deployed program.
+
+
+MAX_MEMORY_BYTES = 1 << 20
+"""Byte limit of the memory in one checkpoint."""
+
+MAX_TOTAL_BYTES = 1 << 24
+"""Byte limit of all checkpoints; each counts its memory, its name and `OVERHEAD`."""
+
+OVERHEAD = 100
+
+_RUN = Key("fact", "run")
+_CLIENTS = Key("fact", "clients")
+
+
+class Checkpoints:
+    """The newest checkpoint of each client, by address. Mutable; changes are written to the journal."""
+
+    def __init__(self, journal: Journal) -> None:
+        self._journal = journal
+        self._newest: dict[str, Checkpoint] = {}
+        self._bound = ResourceLimit("checkpoints", MAX_TOTAL_BYTES, in_bytes=True)
+        self._used = 0
+        self._run: str | None = None
+        self._clients: frozenset[str] = frozenset()
+
+    @property
+    def limit_messages(self) -> tuple[str, ...]:
+        """User-readable messages about the limits reached since the server started."""
+        return self._bound.limit_messages(self._used)
+
+    def put(self, checkpoint: Checkpoint) -> None:
+        """Keep a checkpoint of a client of the program, unless it is too large or outdated."""
+        client = checkpoint.client
+        if client not in self._clients:
+            return
+        previous = self._newest.get(client)
+        if previous is not None and (checkpoint.start, checkpoint.k) <= (previous.start, previous.k):
+            return
+        used = self._used + _size(checkpoint) - (0 if previous is None else _size(previous))
+        if len(checkpoint.memory) > MAX_MEMORY_BYTES or not self._bound.allows(used):
+            return
+        self._used = used
+        self._newest[client] = checkpoint
+        self._journal.put(Key("checkpoint", client), _checkpoints_encode(checkpoint))
+
+    def recall(self, recall: Recall) -> Iterator[SendMessage]:
+        """Send a client its newest checkpoint; ignore a client that is not of the deployed program."""
+        if recall.client in self._clients:
+            empty = Checkpoint(client=recall.client, k=-1, start=-1, memory=b"")
+            newest = self._newest.get(recall.client, empty)
+            yield SendMessage(topics.recall_answers(DSERVER.name, recall.client), newest)
+
+    def begin(self, run: str, clients: Iterable[str]) -> None:
+        """Begin a run with these clients; drop all checkpoints if the run is new."""
+        if run == self._run:
+            return
+        for client in self._newest:
+            self._journal.drop(Key("checkpoint", client))
+        self._newest.clear()
+        self._used = 0
+        self._run, self._clients = run, frozenset(clients)
+        self._journal.put(_RUN, run.encode())
+        self._journal.put(_CLIENTS, _checkpoints_encode(sorted(self._clients)))
+
+    def load(self, entries: Mapping[Key, bytes]) -> None:
+        """Load the checkpoints, their run and its clients from the entries of a store."""
+        run = entries.get(_RUN)
+        self._run = None if run is None else run.decode()
+        if _CLIENTS in entries:
+            self._clients = _clients.decode(entries[_CLIENTS])
+        for key, data in entries.items():
+            if key.kind == "checkpoint":
+                self._newest[key.name] = _checkpoints.decode(data)
+                self._used += _size(self._newest[key.name])
+
+
+def _size(checkpoint: Checkpoint) -> int:
+    return len(checkpoint.memory) + len(checkpoint.client) + OVERHEAD
+
+
+_checkpoints_encode = msgspec.msgpack.Encoder().encode
+_checkpoints = msgspec.msgpack.Decoder(Checkpoint)
+_clients = msgspec.msgpack.Decoder(frozenset[str])
+
+
+# --- dserver -------------------------------------------------------------------------------------------
+
 
 _CLOCK_ID = Key("fact", "epoch")
 _CLOSED = Key("fact", "closed")

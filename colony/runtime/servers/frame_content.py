@@ -19,7 +19,7 @@ from colony.ir.types import Value
 from colony.runtime.frames.publishing import Fields
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.messages import Sample
-from colony.runtime.servers.bounds import Bound
+from colony.runtime.servers.call_answers import ResourceLimit
 from colony.runtime.store.store import Journal, Key
 
 FRAME_SPACE = 1 << 16
@@ -86,8 +86,8 @@ class FrameContent:
 
     def __init__(self, space: int = FRAME_SPACE) -> None:
         self.space = space
-        self._program_limit = Bound("numbers in frames", space, in_bytes=True)
-        self._published_limit = Bound(
+        self._program_limit = ResourceLimit("numbers in frames", space, in_bytes=True)
+        self._published_limit = ResourceLimit(
             "numbers in frames that no program reads", PUBLISHED_SPACE, in_bytes=True
         )
         self._program_used = self._published_used = 0
@@ -203,7 +203,7 @@ class FrameSubscriptions:
         self._program_is_running = False
         self._requested: dict[str, dict[str, None]] = {}  # by connection
         self._reader_counts: dict[str, int] = {}
-        self._bound = Bound("names requested in frames", MAX_NAMES_REQUESTED)
+        self._bound = ResourceLimit("names requested in frames", MAX_NAMES_REQUESTED)
         self._total = 0
 
     @property

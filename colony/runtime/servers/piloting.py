@@ -7,16 +7,19 @@ the dispatch, so that only a motion that was carried out progresses. The pilot d
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, Literal, NamedTuple
 
 import msgspec
 
+from colony.ir.servers import OMNIDIRECTIONAL_RSERVER, RSERVER
+from colony.ir.types import ScalarValue
 from colony.runtime.arbitration import motion
 from colony.runtime.arbitration.arbiter import Dispatch
-from colony.runtime.arbitration.frame_bounds import LIMITS_UNKNOWN
-from colony.runtime.arbitration.motion import FiniteMotion, Mode, Motion, Speeds, Step
+from colony.runtime.arbitration.ballot import LIMITS_UNKNOWN
+from colony.runtime.arbitration.motion import STILL, FiniteMotion, Mode, Motion, MotionStep, Speeds
 from colony.runtime.arbitration.outside import Commander, OutsideCommanders, lease_end
 from colony.runtime.library import robot
 from colony.runtime.protocol.calls import (
@@ -30,24 +33,319 @@ from colony.runtime.protocol.calls import (
     method,
 )
 from colony.runtime.protocol.deployment import ActuatorSpec
-from colony.runtime.servers import motion_commands
+from colony.runtime.servers import commanding
 from colony.runtime.servers.base import Base, Bumper
-from colony.runtime.servers.base_actuator import DRIVE, allowed_range, speeds_of, values_of
-from colony.runtime.servers.motion_commands import Context, Made, Range, full_range
+from colony.runtime.servers.commanding import built_in_actuator
+from colony.runtime.servers.drivers import BaseLimits
 from colony.runtime.servers.outside_control import ActuatorState, OutsideControl, Proposal
+
+# --- motion commands -----------------------------------------------------------------------------------
+#
+# Translation of RServer's calls into motions of the base, within the allowed range.
+#
+# The functions are pure. They return the motion and the new settings: the velocity or acceleration of a
+# call becomes the default of later calls (thesis section 4.6.3). Arguments out of range raise
+# `RefusedError` with the code "arguments".
+
+
+class SpeedRange(NamedTuple):
+    """The minimum and maximum speeds, as those of `Speeds`, and the maximum accelerations."""
+
+    velocity: tuple[float, float]
+    turn: tuple[float, float]
+    sideways: tuple[float, float]
+    acceleration: float
+    turn_acceleration: float
+
+    def clamp(self, speeds: Speeds) -> Speeds:
+        """Return the nearest allowed speeds."""
+        return Speeds(
+            _clamp(speeds.velocity, self.velocity),
+            _clamp(speeds.turn, self.turn),
+            _clamp(speeds.sideways, self.sideways),
+        )
+
+
+def full_range(limits: BaseLimits) -> SpeedRange:
+    """Return the full range of a base."""
+    return SpeedRange(
+        (-limits.velocity, limits.velocity),
+        (-limits.turn, limits.turn),
+        (0.0 - limits.sideways, limits.sideways),
+        limits.acceleration,
+        limits.turn_acceleration,
+    )
+
+
+class SpeedSettings(NamedTuple):
+    """The magnitudes set by the last commands, for motion along a path and for turns on the spot."""
+
+    velocity: float
+    acceleration: float
+    turn_velocity: float
+    turn_acceleration: float
+
+
+def initial_settings(limits: BaseLimits) -> SpeedSettings:
+    """Return the initial settings, which are slow."""
+    return SpeedSettings(
+        velocity=min(200.0, limits.velocity),
+        acceleration=limits.acceleration / 2.0,
+        turn_velocity=min(30.0, limits.turn),
+        turn_acceleration=limits.turn_acceleration / 2.0,
+    )
+
+
+class Context(NamedTuple):
+    """What the motion of a call depends on; `previous` is the motion of the same connection until now."""
+
+    settings: SpeedSettings
+    allowed: SpeedRange
+    previous: Motion | None = None
+
+
+Made = tuple[Motion, SpeedSettings]
+"""A motion, and the settings after its call."""
+
+
+def drive(arguments: robot.Drive, context: Context) -> Made:
+    """Return a motion at the given speeds."""
+    allowed = context.allowed
+    velocity = _in_range("velocity", arguments.velocity, allowed.velocity, "mm/s")
+    turn = _in_range("turn", arguments.turn, allowed.turn, "deg/s")
+    if arguments.sideways and not any(allowed.sideways):
+        found = f"sideways is {arguments.sideways:g} mm/s"
+        raise RefusedError("arguments", f"{found}; the base does not drive sideways")
+    sideways = _in_range("sideways", arguments.sideways, allowed.sideways, "mm/s")
+    return motion.ConstantSpeeds(speeds=Speeds(velocity, turn, sideways)), context.settings
+
+
+def go(arguments: robot.GoArguments, context: Context, *, integrating: bool = True) -> Made:
+    """Return a motion straight ahead, with the heading of the `previous` motion if that is straight, too."""
+    settings, previous = context.settings, context.previous
+    velocity = _in_range("velocity", arguments.velocity, context.allowed.velocity, "mm/s")
+    if velocity != 0.0:
+        settings = settings._replace(velocity=abs(velocity))
+    previous_go = previous if isinstance(previous, motion.Go) else None
+    new_motion = motion.Go(
+        velocity=velocity,
+        acceleration=settings.acceleration,
+        integrating=integrating,
+        heading=None if previous_go is None else previous_go.heading,
+        integral=0.0 if previous_go is None else previous_go.integral,
+    )
+    return new_motion, settings
+
+
+def jog(arguments: robot.JogArguments, context: Context) -> Made:
+    """Return a motion that adds a turning rate to the forward speed of the `previous` motion."""
+    settings, (low, high) = context.settings, context.allowed.turn
+    rate = _in_range("rate", arguments.rate, (-high, -low), "deg/s")
+    match context.previous:
+        case motion.Go(velocity=velocity) | motion.Jog(velocity=velocity):
+            pass
+        case motion.ConstantSpeeds(speeds=speeds):
+            velocity = speeds.velocity
+        case _:
+            velocity = 0.0
+    new_motion = motion.Jog(
+        velocity=velocity,
+        rate=rate,
+        acceleration=settings.acceleration,
+        turn_acceleration=settings.turn_acceleration,
+    )
+    return new_motion, settings
+
+
+def halt(arguments: robot.HaltArguments, context: Context) -> Made:
+    """Return a stop, immediate or gradual."""
+    settings = context.settings
+    new_motion = motion.Halt(
+        gradual=arguments.mode == 0,
+        acceleration=settings.acceleration,
+        turn_acceleration=settings.turn_acceleration,
+    )
+    return new_motion, settings
+
+
+def move(arguments: robot.MoveArguments, context: Context) -> Made:
+    """Return a motion over a distance."""
+    distance = _finite("distance", arguments.distance)
+    low, high = context.allowed.velocity
+    settings = _path_settings(arguments, context, high if distance > 0.0 else -low)
+    new_motion = motion.Move(
+        distance=distance, velocity=settings.velocity, acceleration=settings.acceleration
+    )
+    return new_motion, settings
+
+
+def turn(arguments: robot.TurnArguments, context: Context) -> Made:
+    """Return a turn by degrees on the spot."""
+    degrees, (settings, allowed, _) = _finite("degrees", arguments.degrees), context
+    velocity, acceleration = arguments.velocity, arguments.acceleration
+    limit = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
+    settings = settings._replace(
+        turn_velocity=_magnitude("velocity", velocity, settings.turn_velocity, limit, "deg/s"),
+        turn_acceleration=_magnitude(
+            "acceleration", acceleration, settings.turn_acceleration, allowed.turn_acceleration, "deg/s^2"
+        ),
+    )
+    new_motion = motion.Turn(
+        degrees=degrees,
+        velocity=settings.turn_velocity,
+        acceleration=settings.turn_acceleration,
+        braking=settings.acceleration,
+    )
+    return new_motion, settings
+
+
+def continuous_turn(arguments: robot.ContinuousTurn, context: Context) -> Made:
+    """Return a turn by degrees along an arc, slow enough for the allowed turning speed."""
+    degrees, radius = _finite("degrees", arguments.degrees), _finite("radius", arguments.radius)
+    if radius <= 0.0:
+        raise RefusedError("arguments", f"radius is {radius:g} mm; expected more than 0")
+    allowed = context.allowed
+    limit = -allowed.turn[0] if degrees > 0.0 else allowed.turn[1]
+    settings = _path_settings(arguments, context, allowed.velocity[1])
+    new_motion = motion.Arc(
+        degrees=degrees,
+        radius=radius,
+        velocity=min(settings.velocity, math.radians(limit) * radius),
+        acceleration=settings.acceleration,
+    )
+    return new_motion, settings
+
+
+def _path_settings(
+    arguments: robot.MoveArguments | robot.ContinuousTurn, context: Context, limit: float
+) -> SpeedSettings:
+    settings, most = context.settings, context.allowed.acceleration
+    velocity, acceleration = arguments.velocity, arguments.acceleration
+    return settings._replace(
+        velocity=_magnitude("velocity", velocity, settings.velocity, limit, "mm/s"),
+        acceleration=_magnitude("acceleration", acceleration, settings.acceleration, most, "mm/s^2"),
+    )
+
+
+def _clamp(value: float, allowed: tuple[float, float]) -> float:
+    return min(max(value, allowed[0]), allowed[1])
+
+
+def _finite(name: str, value: float) -> float:
+    if not math.isfinite(value):
+        raise RefusedError("arguments", f"{name} is {value}; expected a finite number")
+    return value
+
+
+def _in_range(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:
+    if not (math.isfinite(value) and allowed[0] <= value <= allowed[1]):
+        expected = f"expected {allowed[0]:g} to {allowed[1]:g} {unit}"
+        raise RefusedError("arguments", f"{name} is {value:g} {unit}; {expected}")
+    return value
+
+
+def _magnitude(name: str, value: float, setting: float, limit: float, unit: str) -> float:
+    """Return a call's magnitude or, if it is negative, the setting."""
+    if limit <= 0.0:
+        raise RefusedError("arguments", f"{name}: the program's range allows no motion in that direction")
+    if value < 0.0:
+        return min(setting, limit)
+    if value == 0.0:
+        raise RefusedError(
+            "arguments", f"{name} is 0 {unit}; expected above 0, or below 0 to keep the last one"
+        )
+    return _in_range(name, value, (0.0, limit), unit)
+
+
+# --- base actuator -------------------------------------------------------------------------------------
+#
+# The actuator of the base: the one that a program binds to it or the built-in one, its values and speeds.
+
+
+DRIVE = RSERVER.commands[0].name
+"""Name of the command that drives the base."""
+
+_DRIVE = built_in_actuator(RSERVER.name, RSERVER.commands[0], idle=(0.0, 0.0))
+_DRIVE_SIDEWAYS = built_in_actuator(RSERVER.name, OMNIDIRECTIONAL_RSERVER.commands[0], idle=(0.0, 0.0, 0.0))
+
+
+def base_actuator(limits: BaseLimits) -> ActuatorSpec:
+    """Return the built-in actuator of a base."""
+    return _DRIVE_SIDEWAYS if limits.sideways > 0.0 else _DRIVE
+
+
+def values_of(actuator: ActuatorSpec, speeds: Speeds) -> tuple[float, ...]:
+    """Return the values of an actuator's fields for these speeds; a speed without a field is dropped."""
+    values = [0.0] * len(actuator.fields)
+    for i, speed in zip(_indices(actuator), speeds, strict=True):
+        if i is not None:
+            values[i] = speed
+    return tuple(values)
+
+
+def speeds_of(actuator: ActuatorSpec, values: tuple[ScalarValue, ...], proposed: Speeds = STILL) -> Speeds:
+    """Return the speeds of a command in base units; a speed without a field is the proposed one."""
+    pairs = zip(_indices(actuator), proposed, strict=True)
+    return Speeds(*[speed if i is None else float(values[i]) for i, speed in pairs])
+
+
+def allowed_range(actuator: ActuatorSpec, limits: BaseLimits) -> SpeedRange:
+    """Return an actuator's range within the base's limits; a speed without a field has the base's limits."""
+    full = full_range(limits)
+    velocity, turn, sideways = _indices(actuator)
+    return full._replace(
+        velocity=_narrow(full.velocity, actuator, velocity),
+        turn=_narrow(full.turn, actuator, turn),
+        sideways=_narrow(full.sideways, actuator, sideways),
+    )
+
+
+def mismatch(specs: Sequence[ActuatorSpec], limits: BaseLimits) -> str | None:
+    """Return the reason why a program's actuators do not fit the base with these limits, or None.
+
+    A program for a base that drives sideways fits any other one if it does not declare that speed, and a
+    program for any other base fits this one.
+    """
+    is_wide = any(len(spec.field_indices) == len(_DRIVE_SIDEWAYS.fields) for spec in specs)
+    wrong = commanding.mismatch(RSERVER.name, {DRIVE: _DRIVE_SIDEWAYS if is_wide else _DRIVE}, specs)
+    if wrong is None and limits.sideways == 0.0 and any(_indices(spec)[2] is not None for spec in specs):
+        return f"`{specs[0].name}`: it drives sideways, which this base cannot"
+    return wrong
+
+
+def _indices(spec: ActuatorSpec) -> tuple[int | None, int | None, int | None]:
+    """Return the indices of the fields of velocity, turn and sideways speed; None for one without a field.
+
+    An actuator that was bound to a base that cannot drive sideways has no index for it.
+    """
+    velocity, turn, sideways = (*spec.field_indices, None)[: len(_DRIVE_SIDEWAYS.fields)]
+    return velocity, turn, sideways
+
+
+def _narrow(full: tuple[float, float], spec: ActuatorSpec, index: int | None) -> tuple[float, float]:
+    if index is None:
+        return full
+    field = spec.fields[index]
+    low = full[0] if field.low is None else max(full[0], field.low)
+    high = full[1] if field.high is None else min(full[1], field.high)
+    return (low, high)
+
+
+# --- piloting ------------------------------------------------------------------------------------------
+
 
 MakeMotion = Callable[[Any, Context], Made]
 """A function that returns the motion of a call with these arguments."""
 
 _MOTIONS: tuple[tuple[str, type[msgspec.Struct], MakeMotion], ...] = (
-    ("drive", robot.Drive, motion_commands.drive),
-    ("go", robot.Go, motion_commands.go),
-    ("proportional_go", robot.Go, partial(motion_commands.go, integrating=False)),
-    ("jog", robot.Jog, motion_commands.jog),
-    ("stop", robot.Halt, motion_commands.halt),
-    ("move", robot.Move, motion_commands.move),
-    ("turn", robot.Turn, motion_commands.turn),
-    ("continuous_turn", robot.ContinuousTurn, motion_commands.continuous_turn),
+    ("drive", robot.Drive, drive),
+    ("go", robot.GoArguments, go),
+    ("proportional_go", robot.GoArguments, partial(go, integrating=False)),
+    ("jog", robot.JogArguments, jog),
+    ("stop", robot.HaltArguments, halt),
+    ("move", robot.MoveArguments, move),
+    ("turn", robot.TurnArguments, turn),
+    ("continuous_turn", robot.ContinuousTurn, continuous_turn),
 )
 
 
@@ -55,7 +353,7 @@ class _Stepped(NamedTuple):
     """A frame of a motion: its step, and its speeds within the allowed range."""
 
     commander: Commander[Motion]
-    step: Step
+    step: MotionStep
     speeds: Speeds
 
 
@@ -74,8 +372,8 @@ class Pilot(OutsideControl[Motion]):
         super().__init__(state)
         self._commanders[DRIVE] = OutsideCommanders()
         self._base = base
-        self._settings = motion_commands.initial_settings(base.limits)
-        self._range: tuple[ActuatorSpec | None, Range] = (None, full_range(base.limits))
+        self._settings = initial_settings(base.limits)
+        self._range: tuple[ActuatorSpec | None, SpeedRange] = (None, full_range(base.limits))
         self.mode: Mode = "joystick"
         self.speeds: Speeds | None = None
         self.stops_immediately = False
@@ -165,10 +463,10 @@ class Pilot(OutsideControl[Motion]):
                 text = f"the {reason} bumper is pressed, after {progress:.4g} {unit}"
                 self.answers.append((call_id, RefusedError("bumper", text)))
 
-    def report(self, now_ns: int) -> tuple[robot.OutsideReport, ...]:
+    def report(self, now_ns: int) -> tuple[robot.BaseOutsideReport, ...]:
         """Return the connections that have commanded, and their current commands."""
         return tuple(
-            robot.OutsideReport(commands=None if command is None else motion.call_of(command), **common)
+            robot.BaseOutsideReport(commands=None if command is None else motion.call_of(command), **common)
             for _, command, common in self._reported(now_ns)
         )
 
@@ -183,7 +481,7 @@ class Pilot(OutsideControl[Motion]):
     def _drivers(self) -> OutsideCommanders[Motion]:
         return self._commanders[DRIVE]
 
-    def _allowed(self, spec: ActuatorSpec) -> Range:
+    def _allowed(self, spec: ActuatorSpec) -> SpeedRange:
         if self._range[0] is not spec:
             self._range = spec, allowed_range(spec, self._base.limits)
         return self._range[1]

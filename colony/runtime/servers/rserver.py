@@ -25,11 +25,10 @@ from colony.runtime.protocol.deployment import ActuatorSpec, Deployment
 from colony.runtime.protocol.messages import Effect, Message, Stopped, Tick
 from colony.runtime.servers.actuating import CommandedActuators, Publish
 from colony.runtime.servers.base import Base
-from colony.runtime.servers.base_actuator import DRIVE, base_actuator, mismatch, speeds_of, values_of
 from colony.runtime.servers.commanding import NotSentError
 from colony.runtime.servers.drivers import BaseDriver, is_opening, problems_of, unreached_of
 from colony.runtime.servers.outside_control import ActuatorState, Frames
-from colony.runtime.servers.piloting import Pilot
+from colony.runtime.servers.piloting import DRIVE, Pilot, base_actuator, mismatch, speeds_of, values_of
 
 WATCHDOG_FRAMES = 2
 
@@ -145,12 +144,12 @@ class BaseActuator(CommandedActuators[Motion]):
     def _on_leader_lost(self, now_ns: int) -> None:
         self.activate(None, now_ns)
 
-    def _arbitration(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> robot.Arbitration:
-        return robot.Arbitration(
+    def _arbitration(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> robot.BaseArbitration:
+        return robot.BaseArbitration(
             run=self._state.run or "",
             acting=self._acting.get(DRIVE),
             actuators=tuple(
-                robot.ActuatorReport(
+                robot.BaseActuatorReport(
                     name=report.name, frames=report.frames, clients=report.clients, last_note=report.last_note
                 )
                 for dispatcher in self._dispatchers

@@ -9,8 +9,7 @@ from colony.ir.servers import RUNTIME
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.protocol.calls import CallDispatcher, CallId, method
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, Deployment
-from colony.runtime.protocol.leadership import Leadership
+from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, Deployment, Leadership
 from colony.runtime.protocol.messages import (
     Alive,
     Call,

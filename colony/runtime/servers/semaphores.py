@@ -18,8 +18,8 @@ import msgspec
 
 from colony.runtime.library.data import SemaphoreState
 from colony.runtime.protocol.calls import CallId, RefusedError
-from colony.runtime.servers.bounds import Bound
-from colony.runtime.servers.names import SortedNames
+from colony.runtime.servers.call_answers import ResourceLimit
+from colony.runtime.servers.variables import SortedNames
 from colony.runtime.store.store import Journal, Key
 
 MAX_SEMAPHORES = 10_000
@@ -66,9 +66,9 @@ class Semaphores:
         self._holds: dict[str, dict[int, str]] = {}  # semaphores by connection and number of the call
         self._waits: dict[str, dict[CallId, Waiter]] = {}  # by connection
         self._hold_count = self._waiting_count = 0
-        self._semaphore_limit = Bound("semaphores", MAX_SEMAPHORES)
-        self._hold_limit = Bound("holds of semaphores", MAX_HOLDS)
-        self._waiting_limit = Bound("calls that wait for semaphores", MAX_WAITING_CALLS)
+        self._semaphore_limit = ResourceLimit("semaphores", MAX_SEMAPHORES)
+        self._hold_limit = ResourceLimit("holds of semaphores", MAX_HOLDS)
+        self._waiting_limit = ResourceLimit("calls that wait for semaphores", MAX_WAITING_CALLS)
         self.names = SortedNames()
 
     @property

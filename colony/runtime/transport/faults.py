@@ -25,7 +25,7 @@ class FaultRates:
     reordered_ns: int = 2_000_000
 
 
-class Faults:
+class LinkFaults:
     """A link with faults. Mutable.
 
     Messages for which `exempt(sender, receiver, message)` is true always arrive at once.

@@ -11,7 +11,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Iterable
 
-from colony.runtime.protocol.messages import Effect, Message, Node, Send
+from colony.runtime.protocol.messages import Effect, Message, Node, SendMessage
 from colony.runtime.transport.exchange import (
     Action,
     Delivery,
@@ -134,7 +134,7 @@ class VirtualTransport:
             if (finish := self._exchange.settle(sender)) is not None:
                 finish()
         for effect in effects:
-            if isinstance(effect, Send):
+            if isinstance(effect, SendMessage):
                 self._exchange.post(sender.address, effect.topic, effect.message)
             else:
                 self._exchange.wake_at(sender, effect.t_ns)

@@ -39,7 +39,7 @@ table of opacities (negative if opaque), and 1 if the picture repeats horizontal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Picture:
+class AtlasPicture:
     """A picture of `width_mm` by `height_mm`.
 
     Attributes:
@@ -66,7 +66,7 @@ class Atlas(NamedTuple):
     pictures: Floats2
 
 
-def atlas_of(pictures: Sequence[Picture]) -> Atlas:
+def atlas_of(pictures: Sequence[AtlasPicture]) -> Atlas:
     """Return an atlas of pictures, numbered as given."""
     tables: list[Floats] = []
     entries: list[tuple[float, ...]] = []
@@ -209,23 +209,23 @@ def font_file() -> Path:
 
 
 @lru_cache(maxsize=256)
-def plate(text: str) -> Picture:
+def plate(text: str) -> AtlasPicture:
     """Draw the plate of a door: white characters on black."""
     height, width = round(PLATE_HEIGHT_MM / TEXEL_MM), round(PLATE_WIDTH_MM / TEXEL_MM)
     ink = np.zeros((height, width))
     _write(ink, text, height_mm=CHARACTER_HEIGHT_MM, center=(width / 2, height / 2), max_width=width)
-    return Picture(
+    return AtlasPicture(
         shades=_BLACK + (_WHITE - _BLACK) * ink, width_mm=PLATE_WIDTH_MM, height_mm=PLATE_HEIGHT_MM
     )
 
 
 @lru_cache(maxsize=16)
-def marker(code: int) -> Picture:
+def marker(code: int) -> AtlasPicture:
     """Draw the marker of an elevator: bits between separators, the first bit leftmost."""
     stripes = [_BLACK]
     for bit in reversed(range(MARKER_BITS)):
         stripes += [_BLACK if code >> bit & 1 else _WHITE, _BLACK]
-    return Picture(shades=np.array([stripes]), width_mm=MARKER_WIDTH_MM, height_mm=STRIPE_HEIGHT_MM)
+    return AtlasPicture(shades=np.array([stripes]), width_mm=MARKER_WIDTH_MM, height_mm=STRIPE_HEIGHT_MM)
 
 
 def write_lines(ink: Floats2, lines: tuple[str, ...], *, height_mm: float) -> None:
@@ -311,7 +311,7 @@ OTHER_KINDS = tuple(range(len(_BLACK_POSTERS), len(_BLACK_POSTERS) + len(_COLORE
 
 
 @lru_cache(maxsize=1)
-def posters() -> tuple[Picture, ...]:
+def posters() -> tuple[AtlasPicture, ...]:
     """Return all kinds of posters, by number."""
     black = [_black_poster(size, lines, shade) for size, lines, shade in _BLACK_POSTERS]
     colored = [
@@ -324,18 +324,18 @@ def _sheet(size: tuple[float, float], shade: float) -> Floats2:
     return np.full((round(size[1] / TEXEL_MM), round(size[0] / TEXEL_MM)), shade)
 
 
-def _picture(shades: Floats2, size: tuple[float, float]) -> Picture:
-    return Picture(shades=np.clip(shades, 0.0, 1.0), width_mm=size[0], height_mm=size[1])
+def _picture(shades: Floats2, size: tuple[float, float]) -> AtlasPicture:
+    return AtlasPicture(shades=np.clip(shades, 0.0, 1.0), width_mm=size[0], height_mm=size[1])
 
 
-def _black_poster(size: tuple[float, float], lines: tuple[str, ...], shade: float) -> Picture:
+def _black_poster(size: tuple[float, float], lines: tuple[str, ...], shade: float) -> AtlasPicture:
     sheet = _sheet(size, 0.06)
     ink = np.zeros_like(sheet)
     write_lines(ink, lines, height_mm=min(70.0, 0.55 * size[1] / len(lines)))
     return _picture(sheet + (shade - sheet) * ink, size)
 
 
-def _colored_poster(size: tuple[float, float], paper: float, print_: float, seed: int) -> Picture:
+def _colored_poster(size: tuple[float, float], paper: float, print_: float, seed: int) -> AtlasPicture:
     """Draw a heading, a picture and a few lines of text too small to be read."""
     rng = np.random.default_rng(100 + seed)
     sheet = _sheet(size, paper)
@@ -353,7 +353,7 @@ def _colored_poster(size: tuple[float, float], paper: float, print_: float, seed
     return _picture(sheet, size)
 
 
-def _notice(seed: int) -> Picture:
+def _notice(seed: int) -> AtlasPicture:
     """Draw a white sheet of letter paper with lines of text."""
     rng = np.random.default_rng(200 + seed)
     sheet = _sheet(_NOTICE_MM, 0.93)
@@ -374,7 +374,7 @@ def _lines_of_text(sheet: Floats2, rows: range, ink: float, rng: np.random.Gener
 
 
 @lru_cache(maxsize=1)
-def extinguisher_sign() -> Picture:
+def extinguisher_sign() -> AtlasPicture:
     """Draw FIRE, pale on red."""
     sheet = _sheet(SIGN_MM, 0.30)
     ink = np.zeros_like(sheet)

@@ -22,8 +22,8 @@ from colony.body.shipped import shipped_body
 from colony.sim.cameras.atlas import Atlas
 from colony.sim.cameras.columns import Canvas, Lens, canvas_of, draw_columns
 from colony.sim.cameras.fitting import scene_with_walls
-from colony.sim.cameras.optics import Optics, Sensor, blur_columns, expose, gain_at, sensor_of
-from colony.sim.cameras.surfaces import Lighting, Scene
+from colony.sim.cameras.optics import Optics, RendererOptics, blur_columns, expose, gain_at, sensor_of
+from colony.sim.cameras.surfaces import Lighting, RenderedScene
 from colony.sim.compiled import Bytes2, Floats2, compiled
 from colony.sim.world.world import STILL, Speed, World
 
@@ -71,7 +71,7 @@ class CameraConfig:
             raise ValueError(f"above_floor_mm is {self.above_floor_mm}; expected a height above 0")
 
 
-def camera_config_of(camera: devices.Camera) -> CameraConfig:
+def camera_config_of(camera: devices.CameraSpec) -> CameraConfig:
     """Return the configuration of a camera of a robot's body."""
     return CameraConfig(
         width=camera.size.columns,
@@ -103,8 +103,10 @@ def lens_of(config: CameraConfig, *, robot_radius_mm: float) -> Lens:
 
 @compiled
 def render(
-    poses: Floats2, robot: int, people: Floats2, velocity: float, turn: float, sideways: float, t_ns:
-        int, scene: Scene, lens: Lens, sensor: Sensor, canvas: Canvas, first: int, height: int, image: Bytes2,
+    poses: Floats2, robot: int, people: Floats2, velocity: float, turn: float, sideways: float,
+    t_ns: int,
+    scene: RenderedScene, lens: Lens, sensor: RendererOptics, canvas: Canvas,
+    first: int, height: int, image: Bytes2,
 ) -> None:  # fmt: skip
     """Draw some rows of the image of a robot's camera.
 
@@ -150,7 +152,9 @@ class Camera:
         ValueError: the lens is not below the ceiling.
     """
 
-    def __init__(self, scene: Scene, config: CameraConfig, *, robot_radius_mm: float, seed: int = 0) -> None:
+    def __init__(
+        self, scene: RenderedScene, config: CameraConfig, *, robot_radius_mm: float, seed: int = 0
+    ) -> None:
         if config.above_floor_mm >= scene.ceiling:
             found = f"above_floor_mm is {config.above_floor_mm}"
             raise ValueError(f"{found}; expected less than the ceiling's {scene.ceiling}")
@@ -201,7 +205,7 @@ class Camera:
         return self._draw_rows(self._scene, poses, robot, t_ns, people, speed, 0, self.config.height)
 
     def _draw_rows(
-        self, scene: Scene, poses: Floats2, robot: int, t_ns: int, people: Floats2,
+        self, scene: RenderedScene, poses: Floats2, robot: int, t_ns: int, people: Floats2,
         speed: Speed, first: int, count: int,
     ) -> Bytes2:  # fmt: skip
         height = self.config.height

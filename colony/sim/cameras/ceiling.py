@@ -74,7 +74,7 @@ class CeilingCameraConfig:
                 raise ValueError(f"{field.name} is {value!r}; expected {low:g} to {high:g}")
 
 
-def ceiling_config_of(camera: devices.CeilingCamera) -> CeilingCameraConfig:
+def ceiling_config_of(camera: devices.CeilingCameraSpec) -> CeilingCameraConfig:
     """Return the configuration of a camera of a robot's body."""
     return CeilingCameraConfig(
         width=camera.size.columns,

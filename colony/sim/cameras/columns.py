@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from colony.sim.cameras.atlas import Atlas, paint_picture
-from colony.sim.cameras.surfaces import BARE, PERSON_STYLES, PERSON_WIDTH_MM, Lighting, Scene
+from colony.sim.cameras.surfaces import BARE, PERSON_STYLES, PERSON_WIDTH_MM, Lighting, RenderedScene
 from colony.sim.compiled import Floats, Floats2, Ints, called, inlined
 
 # --- rays ---------------------------------------------------------------------------------------------
@@ -160,7 +160,7 @@ def _paint_person(
     ray: Ray,
     eye: Eye,
     lens: Lens,
-    scene: Scene,
+    scene: RenderedScene,
 ) -> None:
     """Paint the person at (x, y); `number` selects the style, the position that of the legs."""
     picture = 2 * (number % PERSON_STYLES) + int(math.floor((x + y) / _STEP_MM) % 2.0)
@@ -183,7 +183,7 @@ def _paint_person(
 @inlined
 def paint_bystanders(
     column: Floats, robot: int, poses: Floats2, people: Floats2, depth: float, ray: Ray, eye: Eye, lens: Lens,
-    scene: Scene,
+    scene: RenderedScene,
 ) -> None:  # fmt: skip
     """Paint the robots and people nearer than `depth`, from far to near."""
     limit, robots = depth, poses.shape[0]
@@ -270,7 +270,7 @@ def _ceiling_shade(x: float, y: float, size: float) -> float:
 
 @inlined
 def _paint_planes(
-    column: Floats, top: int, bottom: int, ray: Ray, axis: float, lens: Lens, scene: Scene
+    column: Floats, top: int, bottom: int, ray: Ray, axis: float, lens: Lens, scene: RenderedScene
 ) -> None:
     """Paint the ceiling above row `top`, and the floor from row `bottom` on."""
     above = scene.ceiling - lens.above_floor
@@ -286,7 +286,7 @@ def _paint_planes(
 
 
 @inlined
-def _gather(eye: Eye, tan_half_fov: float, scene: Scene, candidates: Ints) -> int:
+def _gather(eye: Eye, tan_half_fov: float, scene: RenderedScene, candidates: Ints) -> int:
     """Collect the indices of the walls that may be in view into `candidates`; return their count.
 
     A wall may be in view unless it is completely behind the camera, or completely to one side of the view.
@@ -355,7 +355,7 @@ def _paint_wall_picture(
     column: Floats, wall_picture: Floats, left: float, right: float, depth: float, axis: float, lens: Lens,
     atlas: Atlas, gain: float,
 ) -> None:  # fmt: skip
-    """Paint a row of `Scene.wall_pictures`, a picture on a wall, between `left` and `right`."""
+    """Paint a row of `RenderedScene.wall_pictures`, a picture on a wall, between `left` and `right`."""
     step = depth / lens.focal
     above = wall_picture[3] - lens.above_floor - (axis + 0.5) * step
     clip = wall_picture[3] - wall_picture[2]
@@ -371,7 +371,7 @@ def _paint_wall_picture(
 
 @inlined
 def _paint_wall(
-    column: Floats, wall: int, depth: float, ray: Ray, eye: Eye, lens: Lens, scene: Scene
+    column: Floats, wall: int, depth: float, ray: Ray, eye: Eye, lens: Lens, scene: RenderedScene
 ) -> None:
     """Paint a wall and everything on it; all of the column has the same distance and brightness."""
     rows = column.shape[0]
@@ -409,7 +409,7 @@ def _paint_wall(
 @called
 def draw_columns(
     poses: Floats2, robot: int, people: Floats2, velocity: float, turn: float, sideways: float,
-    scene: Scene, lens: Lens, cx: float, cy: float, canvas: Canvas,
+    scene: RenderedScene, lens: Lens, cx: float, cy: float, canvas: Canvas,
 ) -> None:  # fmt: skip
     """Draw all columns of a canvas, each as the mean of its rays.
 

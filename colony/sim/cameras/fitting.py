@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.sim.cameras.surfaces import BARE, WALL_SHADE, Scene
+from colony.sim.cameras.surfaces import BARE, WALL_SHADE, RenderedScene
 from colony.sim.compiled import Floats2, Ints
 from colony.sim.sensors.sonar import wall_table
 from colony.sim.world.elevators import CABIN_DEPTH_MM
@@ -26,7 +26,7 @@ _CABIN_MM = CABIN_DEPTH_MM + 1.0
 """Maximum distance from the center of an elevator's doors to the center of a wall of its cabin."""
 
 
-def scene_with_walls(scene: Scene, walls: NDArray[np.float64]) -> Scene:
+def scene_with_walls(scene: RenderedScene, walls: NDArray[np.float64]) -> RenderedScene:
     """Return the scene with its walls replaced by others, none of length 0.
 
     `walls` is (n, 4) or wider: x0, y0, x1, y1 in mm.
@@ -78,7 +78,7 @@ class _Appearance(NamedTuple):
     wall_pictures: Sequence[list[float]] = ()
 
 
-def _appearance(scene: Scene, row: NDArray[np.float64]) -> _Appearance:
+def _appearance(scene: RenderedScene, row: NDArray[np.float64]) -> _Appearance:
     for elevator in scene.elevators.tolist():
         wall = scene.walls[elevator]
         span = _collinear_span(wall, row)
@@ -113,7 +113,7 @@ def _is_leaf(door: NDArray[np.float64], row: NDArray[np.float64]) -> bool:
     return is_hinged and abs(row[4] * door[5] - row[5] * door[4]) > 1e-3
 
 
-def _leaf_of_elevator(scene: Scene, elevator: int, start: float, end: float) -> _Appearance:
+def _leaf_of_elevator(scene: RenderedScene, elevator: int, start: float, end: float) -> _Appearance:
     """Return the appearance of an elevator's leaf, which is visible from `start` to `end` of the doors."""
     length = float(scene.walls[elevator, 6])
     slid = length / 2 - (end - start)

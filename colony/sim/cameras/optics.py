@@ -58,7 +58,7 @@ PINHOLE = Optics(rays=1, blur=0.0, vignetting=0.0, exposure_s=0.0, gain=0.0, noi
 """A camera without errors: one ray through the center of each column."""
 
 
-class Sensor(NamedTuple):
+class RendererOptics(NamedTuple):
     """Optics in the renderer's form.
 
     It has the weights of the blur from its center outward, and quantiles of the normal distribution.
@@ -72,12 +72,12 @@ class Sensor(NamedTuple):
     seed: int
 
 
-def sensor_of(optics: Optics, *, width: int, seed: int) -> Sensor:
+def sensor_of(optics: Optics, *, width: int, seed: int) -> RendererOptics:
     """Return optics for an image `width` pixels wide."""
     sigma = optics.blur * width
     steps = np.arange(math.ceil(2.5 * sigma) + 1)
     weights = np.exp(-0.5 * (steps / sigma) ** 2) if sigma > 0.0 else np.ones(1)
-    return Sensor(
+    return RendererOptics(
         weights=weights / (2.0 * weights.sum() - weights[0]),
         quantiles=quantiles(),
         vignetting=float(optics.vignetting),
@@ -88,7 +88,7 @@ def sensor_of(optics: Optics, *, width: int, seed: int) -> Sensor:
 
 
 @inlined
-def gain_at(x: float, y: float, sensor: Sensor) -> float:
+def gain_at(x: float, y: float, sensor: RendererOptics) -> float:
     """Return the camera's gain at a position: smooth noise around 1."""
     east, north = math.floor(x / _GAIN_MM), math.floor(y / _GAIN_MM)
     across, along = x / _GAIN_MM - east, y / _GAIN_MM - north
@@ -103,7 +103,7 @@ def gain_at(x: float, y: float, sensor: Sensor) -> float:
 
 
 @inlined
-def blur_columns(picture: Floats2, blurred: Floats2, sensor: Sensor) -> None:
+def blur_columns(picture: Floats2, blurred: Floats2, sensor: RendererOptics) -> None:
     """Blur along the rows of the image, which are the columns of `picture`, (columns, rows).
 
     Columns within the radius of the blur at either end are not set.
@@ -120,7 +120,7 @@ def blur_columns(picture: Floats2, blurred: Floats2, sensor: Sensor) -> None:
 
 @inlined
 def expose(
-    picture: Floats2, t_ns: int, first: int, height: int, gain: float, sensor: Sensor, image: Bytes2
+    picture: Floats2, t_ns: int, first: int, height: int, gain: float, sensor: RendererOptics, image: Bytes2
 ) -> None:
     """Convert a picture, (columns, rows), with a margin of the blur's radius on all sides, to an image.
 

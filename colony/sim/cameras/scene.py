@@ -18,14 +18,14 @@ from colony.nav.maps.signs import PLATE_HEIGHT_MM, SIGN_HEIGHT_MM, STRIPE_HEIGHT
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import Walls, walls_of
 from colony.sim.cameras import textures
-from colony.sim.cameras.atlas import SIGN_MM, Atlas, Picture, extinguisher_sign, marker, plate, posters
+from colony.sim.cameras.atlas import SIGN_MM, Atlas, AtlasPicture, extinguisher_sign, marker, plate, posters
 from colony.sim.cameras.fitting import scene_with_walls
 from colony.sim.cameras.surfaces import (
     CEILING_MM,
     EXTINGUISHER_MM,
     PEOPLE,
-    Panel,
-    Scene,
+    RenderedScene,
+    WallPanel,
     WallPicture,
     atlas_with,
     extinguisher,
@@ -43,7 +43,7 @@ _GAP_MM, _GAP_SHADE = 4.0, 0.12  # half the gap between the leaves of an elevato
 _CACHED_FLOORS = 4  # maximum number of floors whose pictures are cached, 10 to 40 MB each
 _CYLINDER_BOTTOM_MM, _SIGN_BOTTOM_MM = 560.0, 1320.0
 
-_Painter = Callable[[float], Picture]
+_Painter = Callable[[float], AtlasPicture]
 
 _MATERIALS: tuple[tuple[re.Pattern[str], _Painter], ...] = tuple(
     (re.compile(words, re.IGNORECASE), painter)
@@ -84,7 +84,7 @@ class _PictureSet(NamedTuple):
     room_material: int
 
 
-def scene_of(floor: Map, scenery: Scenery | None = None) -> Scene:
+def scene_of(floor: Map, scenery: Scenery | None = None) -> RenderedScene:
     """Return the scene of a map in one run, with its posters, lights, and open doors.
 
     Without a scenery all doors are shut, all lights are on, and there are only plates and markers.
@@ -119,9 +119,9 @@ def _picture_set(floor: Map) -> _PictureSet:
     They are cached, because experiments use the same floors repeatedly.
     """
     walls = walls_of(floor)
-    pictures: list[Picture] = []
+    pictures: list[AtlasPicture] = []
 
-    def add(*new: Picture) -> int:
+    def add(*new: AtlasPicture) -> int:
         pictures.extend(new)
         return PEOPLE + len(pictures) - len(new)
 
@@ -151,25 +151,25 @@ def _painter(walls: Walls, edge: int) -> _Painter:
     return next(painter for pattern, painter in _MATERIALS if pattern.search(attribute))
 
 
-def _panels_of(walls: Walls) -> Iterator[Panel]:
+def _panels_of(walls: Walls) -> Iterator[WallPanel]:
     lengths = np.hypot(*(walls.segments[:, 2:] - walls.segments[:, :2]).T).tolist()
     for edge, (kind, is_glass, length) in enumerate(zip(walls.kinds, walls.glass, lengths, strict=True)):
         yield from _panels(edge, kind, is_glass, length)
 
 
-def _panels(wall: int, kind: EdgeKind, is_glass: bool, length: float) -> Iterable[Panel]:
+def _panels(wall: int, kind: EdgeKind, is_glass: bool, length: float) -> Iterable[WallPanel]:
     if kind is EdgeKind.WALL:
-        yield Panel(wall, 0.0, length, 0.0, _SKIRTING_MM, _SKIRTING_SHADE)
+        yield WallPanel(wall, 0.0, length, 0.0, _SKIRTING_MM, _SKIRTING_SHADE)
         return
     if is_glass:
-        yield Panel(wall, 0.0, _FRAME_MM, 0.0, _DOOR_MM, _FRAME_SHADE)
-        yield Panel(wall, length - _FRAME_MM, length, 0.0, _DOOR_MM, _FRAME_SHADE)
+        yield WallPanel(wall, 0.0, _FRAME_MM, 0.0, _DOOR_MM, _FRAME_SHADE)
+        yield WallPanel(wall, length - _FRAME_MM, length, 0.0, _DOOR_MM, _FRAME_SHADE)
         return
-    yield Panel(wall, 0.0, length, 0.0, _DOOR_MM, _FRAME_SHADE)
-    yield Panel(wall, _FRAME_MM, length - _FRAME_MM, 0.0, _DOOR_MM - _FRAME_MM, _LEAF_SHADES[kind])
+    yield WallPanel(wall, 0.0, length, 0.0, _DOOR_MM, _FRAME_SHADE)
+    yield WallPanel(wall, _FRAME_MM, length - _FRAME_MM, 0.0, _DOOR_MM - _FRAME_MM, _LEAF_SHADES[kind])
     if kind is EdgeKind.ELEVATOR:
         center = length / 2
-        yield Panel(wall, center - _GAP_MM, center + _GAP_MM, 0.0, _DOOR_MM - _FRAME_MM, _GAP_SHADE)
+        yield WallPanel(wall, center - _GAP_MM, center + _GAP_MM, 0.0, _DOOR_MM - _FRAME_MM, _GAP_SHADE)
 
 
 def _signs(floor: Map, picture_set: _PictureSet) -> Iterator[WallPicture]:

@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from colony.sim.cameras.atlas import Atlas, Picture, atlas_of
+from colony.sim.cameras.atlas import Atlas, AtlasPicture, atlas_of
 from colony.sim.compiled import Floats, Floats2, Ints
 from colony.sim.hazards.scenery import CeilingLight
 from colony.sim.sensors.sonar import wall_table
@@ -54,12 +54,12 @@ _Mask = NDArray[np.bool_]
 
 
 @lru_cache(maxsize=1)
-def people() -> tuple[Picture, ...]:
+def people() -> tuple[AtlasPicture, ...]:
     """Return the pictures of people, numbered 2 * style + gait."""
     return tuple(_person(style, stride) for style in _PERSON_STYLES for stride in (0.0, 1.0))
 
 
-def _person(style: _PersonStyle, stride: float) -> Picture:
+def _person(style: _PersonStyle, stride: float) -> AtlasPicture:
     """Draw a person from the front: `stride` is 0 with the legs together, 1 with the legs apart."""
     rows, columns = round(style.height_mm / _TEXEL_MM), round(PERSON_WIDTH_MM / _TEXEL_MM)
     aside = (np.arange(columns) + 0.5) * _TEXEL_MM - PERSON_WIDTH_MM / 2
@@ -83,7 +83,7 @@ def _person(style: _PersonStyle, stride: float) -> Picture:
     head = (x / 80.0) ** 2 + ((y - 0.93) / 0.07) ** 2 < 1.0
     put(head, style.skin)
     put(head & (y > 0.955 - 0.02 * np.abs(x) / 80.0), style.hair)
-    return Picture(
+    return AtlasPicture(
         shades=np.clip(shades, 0.02, 1.0), opacity=opacity.astype(np.float64),
         width_mm=PERSON_WIDTH_MM, height_mm=rows * _TEXEL_MM,
     )  # fmt: skip
@@ -95,7 +95,7 @@ def _torso(y: Floats2) -> Floats2:
 
 
 @lru_cache(maxsize=1)
-def extinguisher() -> Picture:
+def extinguisher() -> AtlasPicture:
     """Draw a red cylinder with a black valve, a hose and a pale label."""
     wide, high = EXTINGUISHER_MM
     columns, rows = round(wide / _TEXEL_MM), round(high / _TEXEL_MM)
@@ -109,7 +109,7 @@ def extinguisher() -> Picture:
     valve = (np.abs(x) < 28.0) & (y >= 440.0) & (y < 530.0) | (np.abs(x) < 70.0) & (np.abs(y - 525.0) < 14.0)
     hose = (np.abs(x - 84.0) < 9.0) & (y > 120.0) & (y < 500.0) | (x > 20.0) & (np.abs(y - 495.0) < 9.0)
     dark = valve | hose
-    return Picture(
+    return AtlasPicture(
         shades=np.where(dark, 0.07, shades), opacity=(body | dark).astype(np.float64),
         width_mm=wide, height_mm=high,
     )  # fmt: skip
@@ -123,7 +123,7 @@ BARE = -1
 """Material of a wall with a uniform shade."""
 
 
-class Panel(NamedTuple):
+class WallPanel(NamedTuple):
     """A rectangle on wall `wall`, from `start` to `end` along it and from `bottom` to `top` in height.
 
     Lengths are in mm, heights above the floor. `shade` is from 0 (black) to 1.
@@ -168,7 +168,7 @@ EVEN_LIGHTING = Lighting(levels=np.ones((1, 1)), x=0.0, y=0.0, cell=1.0)
 """Uniform light."""
 
 
-class Scene(NamedTuple):
+class RenderedScene(NamedTuple):
     """A building in the renderer's form.
 
     Attributes:
@@ -176,7 +176,7 @@ class Scene(NamedTuple):
         present: (n,), 1 if the wall is present, 0 if an open door has replaced it.
         shades: (n,), from 0 to 1.
         materials: (n,), the index in `atlas` of each wall's material, or `BARE`.
-        panels: (m, 5), `Panel` without its wall, in the order of the walls; later ones hide earlier ones.
+        panels: (m, 5), `WallPanel` without its wall, in the order of the walls; later ones hide earlier ones.
         first_panel: (n + 1,), start of the panels of each wall.
         wall_pictures: (k, 6), `WallPicture` without its wall, in the order of the walls.
         first_wall_picture: (n + 1,), start of the pictures of each wall.
@@ -207,7 +207,7 @@ class Scene(NamedTuple):
 
 def scene(
     walls: ArrayLike,
-    panels: Iterable[Panel] = (),
+    panels: Iterable[WallPanel] = (),
     *,
     ceiling_mm: float = CEILING_MM,
     materials: Sequence[int] | None = None,
@@ -217,7 +217,7 @@ def scene(
     doors: Sequence[int] = (),
     elevators: Sequence[int] = (),
     room_material: int = BARE,
-) -> Scene:
+) -> RenderedScene:
     """Return a scene of wall segments, (n, 4) in mm, and everything on them; empty segments are invisible.
 
     Args:
@@ -245,7 +245,7 @@ def scene(
     material_indices = (
         np.full(len(segments), BARE) if materials is None else np.array(materials, dtype=np.int64)
     )
-    return Scene(
+    return RenderedScene(
         walls=wall_table(segments[visible]),
         present=np.ones(len(visible), dtype=np.int64),
         shades=np.full(len(visible), WALL_SHADE),
@@ -264,7 +264,7 @@ def scene(
     )
 
 
-def atlas_with(pictures: Sequence[Picture]) -> Atlas:
+def atlas_with(pictures: Sequence[AtlasPicture]) -> Atlas:
     """Return an atlas of people and of `pictures`, whose indices begin at `PEOPLE`."""
     return atlas_of((*people(), *pictures))
 

@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from colony.sim.cameras.atlas import Picture
+from colony.sim.cameras.atlas import AtlasPicture
 from colony.sim.compiled import Floats2
 
 TEXEL_MM = 5.0
@@ -29,10 +29,10 @@ def _grid(width_mm: float, height_mm: float) -> tuple[Floats2, Floats2]:
     return columns, rows
 
 
-def _pattern(shades: Floats2, height_mm: float, darkest: float = 0.0) -> Picture:
+def _pattern(shades: Floats2, height_mm: float, darkest: float = 0.0) -> AtlasPicture:
     """Return the picture of a wall section that repeats horizontally."""
     shades = np.clip(shades, darkest, 1.0)
-    return Picture(shades=shades, width_mm=shades.shape[1] * TEXEL_MM, height_mm=height_mm, wraps=True)
+    return AtlasPicture(shades=shades, width_mm=shades.shape[1] * TEXEL_MM, height_mm=height_mm, wraps=True)
 
 
 def _smooth_noise(shape: tuple[int, int], cells: tuple[int, int], rng: np.random.Generator) -> Floats2:
@@ -64,7 +64,7 @@ def _blocks(
 def _masonry(
     *, block: tuple[float, float], columns: int, height_mm: float, shade: float, joint: float,
     joint_mm: float, spread: float, seed: int,
-) -> Picture:  # fmt: skip
+) -> AtlasPicture:  # fmt: skip
     rng = np.random.default_rng(seed)
     width_mm = columns * block[0]
     across, up = _grid(width_mm, height_mm)
@@ -78,7 +78,7 @@ def _masonry(
 
 
 @lru_cache(maxsize=_CACHED_HEIGHTS)
-def painted_brick(height_mm: float) -> Picture:
+def painted_brick(height_mm: float) -> AtlasPicture:
     """Draw concrete blocks of 406 by 203 mm, painted over: joints show as shallow lines."""
     return _masonry(
         block=(405.0, 203.0), columns=8, height_mm=height_mm, shade=0.74, joint=0.60, joint_mm=10.0,
@@ -87,7 +87,7 @@ def painted_brick(height_mm: float) -> Picture:
 
 
 @lru_cache(maxsize=_CACHED_HEIGHTS)
-def bare_brick(height_mm: float) -> Picture:
+def bare_brick(height_mm: float) -> AtlasPicture:
     """Draw bricks of 203 by 67 mm, unpainted, with pale joints."""
     return _masonry(
         block=(205.0, 68.0), columns=16, height_mm=height_mm, shade=0.42, joint=0.58, joint_mm=10.0,
@@ -96,7 +96,7 @@ def bare_brick(height_mm: float) -> Picture:
 
 
 @lru_cache(maxsize=_CACHED_HEIGHTS)
-def glass_brick(height_mm: float) -> Picture:
+def glass_brick(height_mm: float) -> AtlasPicture:
     """Draw glass blocks of 200 by 200 mm in dark joints.
 
     The light behind them is uneven: groups are bright, others dark, and each block has a pale rim and a
@@ -123,7 +123,7 @@ def glass_brick(height_mm: float) -> Picture:
 
 
 @lru_cache(maxsize=_CACHED_HEIGHTS)
-def plaster(height_mm: float) -> Picture:
+def plaster(height_mm: float) -> AtlasPicture:
     """Draw a plain wall, a little uneven."""
     rng = np.random.default_rng(14)
     shape = (round(height_mm / TEXEL_MM), 640)
@@ -134,7 +134,7 @@ def plaster(height_mm: float) -> Picture:
 
 
 @lru_cache(maxsize=_CACHED_HEIGHTS)
-def tile(height_mm: float) -> Picture:
+def tile(height_mm: float) -> AtlasPicture:
     """Draw slabs of 300 by 300 mm with fine dark joints: tile, marble, sandstone."""
     return _masonry(
         block=(300.0, 300.0), columns=10, height_mm=height_mm, shade=0.66, joint=0.45, joint_mm=5.0,
@@ -143,7 +143,7 @@ def tile(height_mm: float) -> Picture:
 
 
 @lru_cache(maxsize=_CACHED_HEIGHTS)
-def steel(height_mm: float) -> Picture:
+def steel(height_mm: float) -> AtlasPicture:
     """Draw brushed steel: soft upright streaks, paler above than below."""
     rng = np.random.default_rng(16)
     shape = (round(height_mm / TEXEL_MM), 400)
@@ -154,7 +154,7 @@ def steel(height_mm: float) -> Picture:
 
 
 @lru_cache(maxsize=_CACHED_HEIGHTS)
-def window(height_mm: float) -> Picture:
+def window(height_mm: float) -> AtlasPicture:
     """Draw panes of 900 mm from 900 mm above the floor on, in dark frames, with daylight behind them."""
     across, up = _grid(3600.0, height_mm)
     rng = np.random.default_rng(17)
@@ -168,7 +168,7 @@ def window(height_mm: float) -> Picture:
 
 
 @lru_cache(maxsize=_CACHED_HEIGHTS)
-def glass(height_mm: float) -> Picture:
+def glass(height_mm: float) -> AtlasPicture:
     """Draw panes of clear glass in steel frames: the room behind them is dim, with soft reflections."""
     across, up = _grid(3600.0, height_mm)
     rng = np.random.default_rng(18)
@@ -180,7 +180,7 @@ def glass(height_mm: float) -> Picture:
 
 
 @lru_cache(maxsize=_CACHED_HEIGHTS)
-def shelves(height_mm: float) -> Picture:
+def shelves(height_mm: float) -> AtlasPicture:
     """Draw the wall of a room: shelves full of books up to 1.9 m, 1.6 m wide, then 1.6 m of plain wall."""
     rng = np.random.default_rng(19)
     across, up = _grid(3200.0, height_mm)

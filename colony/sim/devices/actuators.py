@@ -8,7 +8,7 @@ from functools import partial
 
 from colony.body import devices
 from colony.ir.types import ScalarValue, Value
-from colony.sim.devices.device import Sensor
+from colony.sim.devices.device import SimulatedSensor
 from colony.sim.mechanism import Action
 from colony.sim.physics import Physics
 
@@ -17,7 +17,7 @@ from colony.sim.physics import Physics
 # Outputs, which stay as they are set.
 
 
-class Outputs(Sensor):
+class Outputs(SimulatedSensor):
     """The outputs of a server, off at first. Stateful: holds what they were set to."""
 
     def __init__(self, output: devices.Output) -> None:
@@ -81,13 +81,13 @@ class _Motion:
         return max(self.start - way, self.goal)
 
 
-class Joint(Sensor):
+class Joint(SimulatedSensor):
     """A joint of a robot, which nothing blocks. Stateful: holds its motion.
 
     Positions that have names are commanded, and acknowledged, by their numbers.
     """
 
-    def __init__(self, joint: devices.Joint | devices.RotaryJoint, world: Physics) -> None:
+    def __init__(self, joint: devices.JointSpec | devices.RotaryJoint, world: Physics) -> None:
         self.fields = tuple(field.name for field in joint.fields)
         self._is_run = joint.control == "velocity"
         self._low, self._high = joint.ends
@@ -95,7 +95,7 @@ class Joint(Sensor):
         self._load = joint.load
         self._named = tuple(joint.positions.values())
         self._world = world
-        start = self._low if isinstance(joint, devices.Joint) else self._within(0.0)
+        start = self._low if isinstance(joint, devices.JointSpec) else self._within(0.0)
         self._motion = _Motion(start, start, world.elapsed_ns, 0.0)
         self._target = self._target_at(start)
 

@@ -9,7 +9,7 @@ from colony.ir.types import Value
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState
 from colony.sim.chance import device_seed
-from colony.sim.devices.device import Measurements, faults_of
+from colony.sim.devices.device import TimedMeasurements, faults_of
 from colony.sim.mechanism import Measurement
 from colony.sim.physics import Physics
 
@@ -25,7 +25,9 @@ class BaseSensors:
         self._robot = robot
         config = world.configs[robot]
         faults = faults_of(config.base_faults, device_seed(world.seed, robot, RSERVER.name))
-        self._measurements = Measurements(self._take, {_STATE: config.base_period_ns}, world, robot, faults)
+        self._measurements = TimedMeasurements(
+            self._take, {_STATE: config.base_period_ns}, world, robot, faults
+        )
 
     def state(self, now_ns: int) -> BaseState | None:
         """Return the newest state; None before the first has arrived, or if it is missing.
@@ -69,7 +71,7 @@ class RingSensors:
             {} if ring is None else {_SONAR: ring.sonar_period_ns, _INFRARED: ring.infrared_period_ns}
         )
         faults = None if ring is None else faults_of(ring.faults, device_seed(world.seed, robot, PROXIMITY))
-        self._measurements = Measurements(self._take, periods_ns, world, robot, faults)
+        self._measurements = TimedMeasurements(self._take, periods_ns, world, robot, faults)
 
     def sonar(self, now_ns: int) -> Sample | None:
         """Return the newest ranges in mm; None if there are none. See `BaseSensors.state`."""

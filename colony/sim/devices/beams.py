@@ -24,7 +24,7 @@ import numpy as np
 
 from colony.sim.chance import BEAMS, random_bits
 from colony.sim.compiled import Floats, Floats2, Ints, compiled, inlined
-from colony.sim.world.wall_boxes import GROUP, HIGH_X, HIGH_Y, IS_OUTLINE, LOW_X, LOW_Y, box_gap
+from colony.sim.world.placing import GROUP, HIGH_X, HIGH_Y, IS_OUTLINE, LOW_X, LOW_Y, box_gap
 
 DROPOUT_BITS = 50
 """Bits of the hash that decide on a dropout: the probability is a multiple of 2 ** -50."""

@@ -10,12 +10,11 @@ from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
-from colony.body.model import Faults
+from colony.body.model import DeviceFaults
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.protocol.messages import Sample
 from colony.sim.chance import FAULTS, draw_uniforms
-from colony.sim.given import Given, nothing_given
-from colony.sim.mechanism import Action, Measurement, Mechanism
+from colony.sim.mechanism import Action, Given, Measurement, Mechanism, nothing_given
 from colony.sim.physics import Physics
 
 # --- faults -------------------------------------------------------------------------------------------
@@ -41,7 +40,7 @@ class FaultTimeline:
         seed: the seed of the device.
     """
 
-    def __init__(self, faults: Faults, seed: int) -> None:
+    def __init__(self, faults: DeviceFaults, seed: int) -> None:
         share = faults.missing + faults.frozen
         self._missing = faults.missing / share
         self._lasting_ns = faults.lasting_s * 1e9
@@ -69,7 +68,7 @@ class FaultTimeline:
         self._count += 1
 
 
-def faults_of(faults: Faults | None, seed: int) -> FaultTimeline | None:
+def faults_of(faults: DeviceFaults | None, seed: int) -> FaultTimeline | None:
     """Return the faults of a device with this seed; None if it has none."""
     if faults is None or faults.missing + faults.frozen == 0.0:
         return None
@@ -98,7 +97,7 @@ class _Schedule:
         self.due_ns = 0
 
 
-class Measurements(Generic[T]):
+class TimedMeasurements(Generic[T]):
     """Measurements of a robot in a world, by name. Stateful: keeps those that have arrived or are underway.
 
     Args:
@@ -195,7 +194,7 @@ class SimulatedDevice(Protocol):
         ...
 
 
-class Sensor:
+class SimulatedSensor:
     """What mechanisms have in common that measure at once and take no commands."""
 
     def measure(self, field: str) -> Value | None:
@@ -246,7 +245,7 @@ class MeasuringDevice:
         self._robot = robot
         self._given = None if given is nothing_given else given
         measured = {field: period for field, period in periods_ns.items() if field in mechanism.fields}
-        measurements = Measurements(mechanism.take, measured, world, robot, faults)
+        measurements = TimedMeasurements(mechanism.take, measured, world, robot, faults)
         self._arrived = measurements.arrived
         # With what is measured when it is read.
         self._fields = [

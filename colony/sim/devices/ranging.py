@@ -13,7 +13,7 @@ from colony.body import devices
 from colony.ir.types import Value
 from colony.sim.compiled import Floats2
 from colony.sim.devices.beams import DROPOUT_BITS, LidarModel, find_ranges, normal_quantiles, scan
-from colony.sim.devices.device import Sensor
+from colony.sim.devices.device import SimulatedSensor
 from colony.sim.mechanism import Measurement
 from colony.sim.physics import Physics
 from colony.sim.world.world import Situation
@@ -81,7 +81,7 @@ class _Scanners:
         )
 
 
-class Lidar(Sensor):
+class Lidar(SimulatedSensor):
     """The scanner of robot number `robot`. Stateful: keeps the last scan.
 
     It sees walls, other robots and people, at any height, but not glass. A beam without an echo is infinite.
@@ -95,7 +95,7 @@ class Lidar(Sensor):
     """
 
     def __init__(
-        self, lidar: devices.Lidar, world: Physics, robot: int, *, blocked: Iterable[int], seed: int
+        self, lidar: devices.LidarSpec, world: Physics, robot: int, *, blocked: Iterable[int], seed: int
     ) -> None:
         bearings = lidar.bearings()
         if bearings is None:
@@ -155,7 +155,7 @@ RAY_STEP_DEG = 1.0
 """Largest angle between two rays of a cone."""
 
 
-class RangeFinders(Sensor):
+class RangeFinders(SimulatedSensor):
     """The range finders of robot number `robot`. Stateful: keeps the last ranges.
 
     They see walls, other robots and people, at any height, but not glass. One without an echo is infinite.

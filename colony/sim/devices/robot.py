@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import assert_never
 
 from colony.body import devices
-from colony.body.model import Body, Server
+from colony.body.model import Body, ServerTable
 from colony.ir.servers import ServerSpec
 from colony.sim.chance import device_seed
 from colony.sim.devices.actuators import Joint, Outputs
@@ -20,22 +20,21 @@ from colony.sim.devices.sensors import (
     DockSensor,
     Encoders,
     Imu,
+    PaintedValues,
     Unsimulated,
-    Values,
 )
-from colony.sim.given import Given
-from colony.sim.mechanism import Mechanism
+from colony.sim.mechanism import Given, Mechanism
 from colony.sim.physics import Physics
 
 _Sensing = (
     devices.RangeFinder
-    | devices.Bumper
-    | devices.Imu
-    | devices.Compass
-    | devices.Encoders
-    | devices.Cliff
-    | devices.DockSensor
-    | devices.Values
+    | devices.BumperSpec
+    | devices.ImuSpec
+    | devices.CompassSpec
+    | devices.EncodersSpec
+    | devices.CliffSpec
+    | devices.DockSensorSpec
+    | devices.ValuesSpec
 )
 """The devices that take no commands and measure something of the world."""
 
@@ -76,22 +75,24 @@ def devices_of(
     return found
 
 
-def _mechanism(spec: ServerSpec, server: Server, world: Physics, robot: int, seed: int) -> Mechanism | None:
+def _mechanism(
+    spec: ServerSpec, server: ServerTable, world: Physics, robot: int, seed: int
+) -> Mechanism | None:
     match server.simulated:
         case None:
             return Unsimulated()
-        case devices.Lidar() as lidar:
+        case devices.LidarSpec() as lidar:
             blocked = next((field.blocked for field in spec.fields if field.name == lidar.field), ())
             return Lidar(lidar, world, robot, blocked=blocked, seed=seed)
-        case devices.Battery() as battery:
+        case devices.BatterySpec() as battery:
             return Battery(battery, world, robot)
         case devices.Button() as button:
             return Buttons(button)
-        case devices.Joint() | devices.RotaryJoint() as joint:
+        case devices.JointSpec() | devices.RotaryJoint() as joint:
             return Joint(joint, world)
         case devices.Output() as output:
             return Outputs(output)
-        case devices.Base() | devices.Proximity() | devices.Camera() | devices.CeilingCamera():
+        case devices.BaseSpec() | devices.Proximity() | devices.CameraSpec() | devices.CeilingCameraSpec():
             return None
         case _:
             return _sensor(server.simulated, world, robot, seed)
@@ -101,19 +102,19 @@ def _sensor(sensor: _Sensing, world: Physics, robot: int, seed: int) -> Mechanis
     match sensor:
         case devices.RangeFinder() as finder:
             return RangeFinders(finder, world, robot, seed=seed)
-        case devices.Bumper() as bumper:
+        case devices.BumperSpec() as bumper:
             return Bumper(bumper, world, robot)
-        case devices.Imu() as imu:
+        case devices.ImuSpec() as imu:
             return Imu(imu, world, robot, seed=seed)
-        case devices.Compass() as compass:
+        case devices.CompassSpec() as compass:
             return Compass(compass, world, robot, seed=seed)
-        case devices.Encoders() as encoders:
+        case devices.EncodersSpec() as encoders:
             return Encoders(encoders, world, robot)
-        case devices.Cliff() as cliff:
+        case devices.CliffSpec() as cliff:
             return Cliff(cliff, world, robot)
-        case devices.DockSensor() as dock_sensor:
+        case devices.DockSensorSpec() as dock_sensor:
             return DockSensor(dock_sensor, world, robot, seed=seed)
-        case devices.Values() as values:
-            return Values(values, world, robot, seed=seed)
+        case devices.ValuesSpec() as values:
+            return PaintedValues(values, world, robot, seed=seed)
         case _:
             assert_never(sensor)

@@ -16,7 +16,7 @@ from colony.ir.types import ScalarValue, Value
 from colony.nav.maps.stickrep.model import Pose
 from colony.sim.chance import DEVICES, deviate, draw_deviates
 from colony.sim.compiled import Floats, Floats2, compiled, inlined
-from colony.sim.devices.device import Sensor
+from colony.sim.devices.device import SimulatedSensor
 from colony.sim.mechanism import Action
 from colony.sim.physics import Physics
 from colony.sim.world.world import STILL
@@ -26,7 +26,7 @@ from colony.sim.world.world import STILL
 # The charge of a battery, which standing and driving use up and a charger fills.
 
 
-class Battery(Sensor):
+class Battery(SimulatedSensor):
     """The battery of robot number `robot`. Stateful: holds the energy that is left, counted step by step.
 
     Power for driving is proportional to the distance. The chargers are the docks of the world or, if it has
@@ -35,7 +35,7 @@ class Battery(Sensor):
 
     fields = ("level", "charging")
 
-    def __init__(self, battery: devices.Battery, world: Physics, robot: int) -> None:
+    def __init__(self, battery: devices.BatterySpec, world: Physics, robot: int) -> None:
         self._capacity_j, self._standing_w = battery.capacity_j, battery.standing_w
         self._charger_w, self._reach_mm = battery.charger_w, battery.reach_mm
         self._reach_angle_deg = battery.reach_angle_deg
@@ -82,10 +82,10 @@ class Battery(Sensor):
 # Bumpers by sectors of the hull.
 
 
-class Bumper(Sensor):
+class Bumper(SimulatedSensor):
     """The bumper of robot number `robot`, which walls, other robots and people press."""
 
-    def __init__(self, bumper: devices.Bumper, world: Physics, robot: int) -> None:
+    def __init__(self, bumper: devices.BumperSpec, world: Physics, robot: int) -> None:
         self.fields = (bumper.field,)
         self._sectors = [(first, float(sweep(first, last))) for first, last in bumper.sectors]
         self._free = (False,) * len(self._sectors)
@@ -107,7 +107,7 @@ class Bumper(Sensor):
 # Buttons that nobody presses: what presses them is given.
 
 
-class Buttons(Sensor):
+class Buttons(SimulatedSensor):
     """The buttons of a panel, all released."""
 
     def __init__(self, button: Button) -> None:
@@ -123,10 +123,10 @@ class Buttons(Sensor):
 # Sensors that look down: whether each is above a hole in the floor.
 
 
-class Cliff(Sensor):
+class Cliff(SimulatedSensor):
     """The sensors of robot number `robot` that look down."""
 
-    def __init__(self, cliff: devices.Cliff, world: Physics, robot: int) -> None:
+    def __init__(self, cliff: devices.CliffSpec, world: Physics, robot: int) -> None:
         self.fields = (cliff.field,)
         self._places = cliff.places
         self._solid = (False,) * len(cliff.places)
@@ -165,12 +165,12 @@ def is_inside(polygon: Floats2, x: float, y: float) -> bool:
 # Compasses.
 
 
-class Compass(Sensor):
+class Compass(SimulatedSensor):
     """The compass of robot number `robot`, which the building disturbs (`World.compass`)."""
 
     fields = ("heading",)
 
-    def __init__(self, compass: devices.Compass, world: Physics, robot: int, *, seed: int) -> None:
+    def __init__(self, compass: devices.CompassSpec, world: Physics, robot: int, *, seed: int) -> None:
         self._offset_deg, self._noise_deg = compass.offset_deg, compass.noise_deg
         self._world = world
         self._robot = robot
@@ -210,7 +210,7 @@ class DockView(NamedTuple):
     bearing_noise: float
 
 
-class DockSensor(Sensor):
+class DockSensor(SimulatedSensor):
     """The sensor of robot number `robot`. Stateful: keeps what it saw last.
 
     A dock is seen where the center of a docked robot is. The distance and the bearing are those from the
@@ -225,7 +225,7 @@ class DockSensor(Sensor):
 
     fields = ("dock_seen", "dock_distance", "dock_bearing")
 
-    def __init__(self, sensor: devices.DockSensor, world: Physics, robot: int, *, seed: int) -> None:
+    def __init__(self, sensor: devices.DockSensorSpec, world: Physics, robot: int, *, seed: int) -> None:
         self._view = DockView(
             u=sensor.pose.x_mm,
             v=sensor.pose.y_mm,
@@ -331,12 +331,12 @@ def find_dock(
 # Encoders of wheels: what the wheels report, which the world's dead reckoning is made of.
 
 
-class Encoders(Sensor):
+class Encoders(SimulatedSensor):
     """The encoders of the wheels of robot number `robot`, which are at 0 now."""
 
     fields = ("travel",)
 
-    def __init__(self, encoders: devices.Encoders, world: Physics, robot: int) -> None:
+    def __init__(self, encoders: devices.EncodersSpec, world: Physics, robot: int) -> None:
         self._resolution_mm = encoders.resolution_mm
         self._world, self._robot = world, robot
         self._begin = world.travel(robot)
@@ -360,7 +360,7 @@ _BIASES_EVENT = -1  # the event in which biases are drawn; the others are times
 _TURN, _AHEAD, _ASIDE = range(3)
 
 
-class Imu(Sensor):
+class Imu(SimulatedSensor):
     """The inertial unit of robot number `robot`. Stateful: its biases and its heading, step by step.
 
     The acceleration ahead is the mean over the last step, and the heading that of the last step plus the turn
@@ -369,7 +369,7 @@ class Imu(Sensor):
 
     fields = ("turn_rate", "acceleration", "sideways_acceleration", "heading")
 
-    def __init__(self, imu: devices.Imu, world: Physics, robot: int, *, seed: int) -> None:
+    def __init__(self, imu: devices.ImuSpec, world: Physics, robot: int, *, seed: int) -> None:
         turn, acceleration = imu.turn, imu.acceleration
         self._noise = np.array([turn.noise, acceleration.noise, acceleration.noise])
         self._drift = np.array([turn.drift, acceleration.drift, acceleration.drift]) / math.sqrt(60.0)
@@ -433,10 +433,10 @@ class Imu(Sensor):
 # Values that a body describes: constants, noise, and what is painted over the map.
 
 
-class Values(Sensor):
+class PaintedValues(SimulatedSensor):
     """The described values where robot number `robot` is."""
 
-    def __init__(self, described: devices.Values, world: Physics, robot: int, *, seed: int) -> None:
+    def __init__(self, described: devices.ValuesSpec, world: Physics, robot: int, *, seed: int) -> None:
         self.fields = tuple(described.values)
         self._values = described.values
         self._world = world
@@ -476,7 +476,7 @@ def _plain(described: devices.ValueField, amount: Amount) -> ScalarValue:
 # Devices that exist in hardware alone: the simulator knows nothing of what they measure or do.
 
 
-class Unsimulated(Sensor):
+class Unsimulated(SimulatedSensor):
     """A device whose fields have no values but those that are given; its commands do nothing."""
 
     fields = ()

@@ -28,15 +28,15 @@ from colony.sim.hazards.scenery import (
     NO_SLIP,
     CeilingLight,
     CompassDisturbance,
+    CorridorTrack,
+    ExpansionJoint,
     Extinguisher,
-    Joint,
     OpenDoor,
     Person,
     Poster,
     Scenery,
-    Slip,
     SunBand,
-    Track,
+    WheelSlip,
     bare_scenery,
 )
 
@@ -278,7 +278,7 @@ def _sun(hazards: Hazards, premises: Premises, seed: int) -> Iterator[SunBand]:
             position += rng.uniform(*_BAND_SPACING_MM)
 
 
-def _band(track: Track, start: float, end: float, level: float) -> SunBand:
+def _band(track: CorridorTrack, start: float, end: float, level: float) -> SunBand:
     x, y = track.point_at((start + end) / 2)
     return SunBand(
         x_mm=x, y_mm=y, heading_deg=track.heading_deg,
@@ -303,7 +303,7 @@ def _people(hazards: Hazards, premises: Premises, seed: int) -> Iterator[Person]
             )
 
 
-def _joints(hazards: Hazards, premises: Premises, seed: int) -> tuple[Joint, ...]:
+def _joints(hazards: Hazards, premises: Premises, seed: int) -> tuple[ExpansionJoint, ...]:
     """Return the joints between the wings, and joints at equal spacing along all corridors, end to end."""
     phase = _stream(seed, Hazard.SLIP).random()
     if Hazard.SLIP not in hazards.on:
@@ -318,11 +318,11 @@ def _joints(hazards: Hazards, premises: Premises, seed: int) -> tuple[Joint, ...
     return tuple(joints)
 
 
-def _slip(hazards: Hazards) -> Slip:
+def _slip(hazards: Hazards) -> WheelSlip:
     if Hazard.SLIP not in hazards.on:
         return NO_SLIP
     low, high = hazards.slip_loss_mm
-    return Slip(probability=hazards.slip, turn_deg=hazards.slip_turn_deg, min_mm=low, max_mm=high)
+    return WheelSlip(probability=hazards.slip, turn_deg=hazards.slip_turn_deg, min_mm=low, max_mm=high)
 
 
 def _encoder_scale(hazards: Hazards, seed: int) -> float:

@@ -18,7 +18,7 @@ from colony.nav.maps.corridors import Corridor, corridors_of, turning_spaces_of
 from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.walls import lights_of, walls_of
 from colony.sim.cameras.rooms import Room, room_behind
-from colony.sim.hazards.scenery import PERSON_RADIUS_MM, CeilingLight, Joint, Track
+from colony.sim.hazards.scenery import PERSON_RADIUS_MM, CeilingLight, CorridorTrack, ExpansionJoint
 
 _WING_MM = 300.0  # maximum difference of corridor widths within a wing
 _TURN_MM = 800.0  # distance from the end of a corridor at which people turn around
@@ -45,9 +45,9 @@ class Premises:
     glass: tuple[int, ...]
     rooms: Mapping[int, Room]
     lights: tuple[CeilingLight, ...]
-    tracks: tuple[Track, ...]
-    walks: tuple[Track | None, ...]
-    wing_joints: tuple[Joint, ...]
+    tracks: tuple[CorridorTrack, ...]
+    walks: tuple[CorridorTrack | None, ...]
+    wing_joints: tuple[ExpansionJoint, ...]
 
 
 @lru_cache(maxsize=16)
@@ -71,8 +71,8 @@ def premises_of(floor: Map) -> Premises:
     )
 
 
-def _track(corridor: Corridor) -> Track:
-    return Track(
+def _track(corridor: Corridor) -> CorridorTrack:
+    return CorridorTrack(
         x_mm=corridor.start.x,
         y_mm=corridor.start.y,
         heading_deg=corridor.heading_deg,
@@ -81,35 +81,35 @@ def _track(corridor: Corridor) -> Track:
     )
 
 
-def _light(x: float, y: float, tracks: tuple[Track, ...]) -> CeilingLight:
+def _light(x: float, y: float, tracks: tuple[CorridorTrack, ...]) -> CeilingLight:
     """Return a light, along the corridor whose centerline is nearest."""
     nearest = min(tracks, key=lambda track: round(_distance(track, x, y)), default=None)
     return CeilingLight(x_mm=x, y_mm=y, heading_deg=0.0 if nearest is None else nearest.heading_deg)
 
 
-def _distance(track: Track, x: float, y: float) -> float:
+def _distance(track: CorridorTrack, x: float, y: float) -> float:
     along, aside = track.coordinates(x, y)
     return math.hypot(max(-along, along - track.length_mm, 0.0), aside)
 
 
-def _walk(track: Track, walls: NDArray[np.float64]) -> Track | None:
+def _walk(track: CorridorTrack, walls: NDArray[np.float64]) -> CorridorTrack | None:
     """Return the part of a corridor where people walk: without its ends, as wide as the walls allow."""
     length = track.length_mm - 2 * _TURN_MM
     if length < _MIN_WALK_MM:
         return None
     start = track.point_at(_TURN_MM)
-    walk = Track(
+    walk = CorridorTrack(
         x_mm=start.x, y_mm=start.y, heading_deg=track.heading_deg, length_mm=length, half_width_mm=0.0
     )
     half = min(track.half_width_mm, _clearance(walk, walls))
     if half < PERSON_RADIUS_MM + _SHOULDER_MM:
         return None
-    return Track(
+    return CorridorTrack(
         x_mm=start.x, y_mm=start.y, heading_deg=track.heading_deg, length_mm=length, half_width_mm=half
     )
 
 
-def _clearance(track: Track, walls: NDArray[np.float64]) -> float:
+def _clearance(track: CorridorTrack, walls: NDArray[np.float64]) -> float:
     """Return the minimum lateral distance of a wall from a track that is longer by a person at both ends."""
     clearance = math.inf
     low, high = -PERSON_RADIUS_MM, track.length_mm + PERSON_RADIUS_MM
@@ -124,9 +124,9 @@ def _clearance(track: Track, walls: NDArray[np.float64]) -> float:
     return clearance
 
 
-def _wing_joints(corridors: tuple[Corridor, ...], tracks: tuple[Track, ...]) -> list[Joint]:
+def _wing_joints(corridors: tuple[Corridor, ...], tracks: tuple[CorridorTrack, ...]) -> list[ExpansionJoint]:
     """Return a joint across the narrower of two corridors of different wings, at each of its mouths."""
-    joints: list[Joint] = []
+    joints: list[ExpansionJoint] = []
     for space in turning_spaces_of(corridors):
         narrow_index, wide_index = sorted(space.corridors, key=lambda c: corridors[c].width_mm)
         narrow, wide = corridors[narrow_index], corridors[wide_index]

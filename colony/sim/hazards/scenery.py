@@ -18,7 +18,7 @@ PERSON_RADIUS_MM = 250.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Track:
+class CorridorTrack:
     """The centerline of a corridor: from (x_mm, y_mm), `length_mm` long, toward `heading_deg`.
 
     The corridor is free for `half_width_mm` to either side.
@@ -42,13 +42,13 @@ class Track:
         dx, dy = x_mm - self.x_mm, y_mm - self.y_mm
         return dx * unit.x + dy * unit.y, dy * unit.x - dx * unit.y
 
-    def joint(self, along_mm: float) -> Joint:
+    def joint(self, along_mm: float) -> ExpansionJoint:
         """Return an expansion joint across the corridor."""
         left, right = (
             self.point_at(along_mm, self.half_width_mm),
             self.point_at(along_mm, -self.half_width_mm),
         )
-        return Joint(x0_mm=left.x, y0_mm=left.y, x1_mm=right.x, y1_mm=right.y)
+        return ExpansionJoint(x0_mm=left.x, y0_mm=left.y, x1_mm=right.x, y1_mm=right.y)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,7 +71,7 @@ class Person:
         speed_mm_s: walking speed.
     """
 
-    track: Track
+    track: CorridorTrack
     along_mm: float
     offset_mm: float
     forward: bool
@@ -79,7 +79,7 @@ class Person:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Joint:
+class ExpansionJoint:
     """A metal expansion joint in the floor across a corridor, given by its ends in mm."""
 
     x0_mm: float
@@ -89,7 +89,7 @@ class Joint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Slip:
+class WheelSlip:
     """The slip of wheels on expansion joints.
 
     It has the probability of a slip on a crossing, the standard deviation of the robot's turn, and the range
@@ -102,7 +102,7 @@ class Slip:
     max_mm: float
 
 
-NO_SLIP = Slip(probability=0.0, turn_deg=0.0, min_mm=0.0, max_mm=0.0)
+NO_SLIP = WheelSlip(probability=0.0, turn_deg=0.0, min_mm=0.0, max_mm=0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,8 +199,8 @@ class Scenery:
     lights: tuple[CeilingLight, ...] = ()
     sun: tuple[SunBand, ...] = ()
     people: tuple[Person, ...] = ()
-    joints: tuple[Joint, ...] = ()
-    slip: Slip = NO_SLIP
+    joints: tuple[ExpansionJoint, ...] = ()
+    slip: WheelSlip = NO_SLIP
     cross_talk: float = 0.0
     encoder_scale: float = 1.0
     compass_disturbance: CompassDisturbance = CompassDisturbance()

@@ -18,7 +18,7 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.body.devices import Camera, CeilingCamera, Joint, Proximity
+from colony.body.devices import CameraSpec, CeilingCameraSpec, JointSpec, Proximity
 from colony.body.model import Body, Omnidirectional, radius_mm
 
 TIMESTEP_S = 0.002
@@ -98,7 +98,7 @@ PART = Part()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Build:
+class RobotDynamics:
     """The sizes and masses of a robot, from its body; in m, kg, N m and rad.
 
     Attributes:
@@ -124,7 +124,7 @@ class Build:
     turn_settling_s: float
 
 
-def build_of(body: Body) -> Build:
+def build_of(body: Body) -> RobotDynamics:
     """Return the build of a robot.
 
     Raises:
@@ -132,7 +132,7 @@ def build_of(body: Body) -> Build:
             fit.
     """
     for server, described in body.servers.items():
-        if isinstance(described.simulated, Proximity | Camera | CeilingCamera):
+        if isinstance(described.simulated, Proximity | CameraSpec | CeilingCameraSpec):
             raise ValueError(f"MuJoCo simulates no sonars and no cameras, such as that of {server}")
     if isinstance(body.chassis.drive, Omnidirectional) or body.chassis.drive.wheel_base_mm is None:
         raise ValueError(
@@ -148,7 +148,7 @@ def build_of(body: Body) -> Build:
     inertia = mass / 2.0 * wheel_radius**2 + ROTOR_KG_M2
     turn_inertia = mass * (radius * wheel_radius / wheel_base) ** 2 + ROTOR_KG_M2
     damping = inertia / SETTLING_S
-    return Build(
+    return RobotDynamics(
         radius=radius,
         height=height,
         clearance=clearance,
@@ -161,10 +161,10 @@ def build_of(body: Body) -> Build:
     )
 
 
-def lifts_of(body: Body) -> dict[str, Joint]:
+def lifts_of(body: Body) -> dict[str, JointSpec]:
     """Return the joints along a line, by the names of their servers: MuJoCo moves them."""
     devices = {name: server.simulated for name, server in body.servers.items()}
-    return {name: device for name, device in devices.items() if isinstance(device, Joint)}
+    return {name: device for name, device in devices.items() if isinstance(device, JointSpec)}
 
 
 def mjcf(body: Body, walls: NDArray[np.float64], pose: tuple[float, float, float]) -> str:
@@ -220,7 +220,9 @@ def _add_wall(world: Element, wall: NDArray[np.float64]) -> None:
     )
 
 
-def _add_robot(world: Element, actuators: Element, build: Build, pose: tuple[float, float, float]) -> None:
+def _add_robot(
+    world: Element, actuators: Element, build: RobotDynamics, pose: tuple[float, float, float]
+) -> None:
     """Add the hull with its wheels, motors and casters."""
     x, y, heading_deg = pose
     robot = SubElement(
@@ -273,7 +275,7 @@ def _add_robot(world: Element, actuators: Element, build: Build, pose: tuple[flo
         )
 
 
-def _add_wheel(robot: Element, build: Build, name: str, left: float) -> None:
+def _add_wheel(robot: Element, build: RobotDynamics, name: str, left: float) -> None:
     place = _text(0.0, left * build.wheel_base / 2.0, build.wheel_radius)
     wheel = SubElement(robot, "body", name=name, pos=place)
     SubElement(wheel, "joint", name=name, type="hinge", axis="0 1 0", armature=_text(ROTOR_KG_M2))
@@ -292,7 +294,7 @@ def _add_wheel(robot: Element, build: Build, name: str, left: float) -> None:
     )
 
 
-def _add_lift(robot: Element, actuators: Element, build: Build, name: str, lift: Joint) -> None:
+def _add_lift(robot: Element, actuators: Element, build: RobotDynamics, name: str, lift: JointSpec) -> None:
     """Add a platform on the hull, which carries its load up and down."""
     low, high = (end / 1e3 for end in lift.ends)
     platform = SubElement(robot, "body", name=name, pos=_text(0.0, 0.0, build.height))

@@ -25,17 +25,17 @@ from colony.body.model import Body
 from colony.ir.servers import ServerSpec
 from colony.ir.types import Value
 from colony.nav.maps.stickrep.model import Pose
+from colony.sim.chance import Noise
 from colony.sim.compiled import Floats, Floats2
 from colony.sim.config import RobotConfig, config_of
 from colony.sim.devices.actuators import Joint
 from colony.sim.devices.beams import DROPOUT_BITS, LidarModel, normal_quantiles, read
-from colony.sim.devices.device import Sensor
+from colony.sim.devices.device import SimulatedSensor
 from colony.sim.mechanism import Mechanism
 from colony.sim.mujoco.model import BEAM_HEIGHT_M, FLOOR, PART, SETTLING_S, TIMESTEP_S, WALLS, build_of, mjcf
-from colony.sim.noise import Noise
 from colony.sim.physics import Physics
 from colony.sim.sensors.sonar import wall_table
-from colony.sim.timeline import Timeline
+from colony.sim.timeline import StepTimeline
 from colony.sim.world.base import bases_at, count_wheels, drivetrain_of
 from colony.sim.world.placing import (
     check_clearance,
@@ -43,9 +43,9 @@ from colony.sim.world.placing import (
     checked_holes,
     checked_poses,
     checked_walls,
+    wall_boxes,
 )
-from colony.sim.world.wall_boxes import wall_boxes
-from colony.sim.world.world import STILL, Bumper, Situation, Speed
+from colony.sim.world.world import STILL, PressedBumpers, Situation, Speed
 
 # --- lidar --------------------------------------------------------------------------------------------
 #
@@ -58,7 +58,7 @@ It returns the distances in m, (n,), with -1 for a ray that hits nothing.
 """
 
 
-class RayLidar(Sensor):
+class RayLidar(SimulatedSensor):
     """A scanner whose noise and dropouts are those of `colony.sim.devices.ranging.Lidar`.
 
     Args:
@@ -72,7 +72,7 @@ class RayLidar(Sensor):
 
     def __init__(
         self,
-        lidar: devices.Lidar,
+        lidar: devices.LidarSpec,
         world: Physics,
         cast: Cast,
         *,
@@ -128,7 +128,7 @@ class Lift(Joint):
         position_mm: function that returns where the platform is.
     """
 
-    def __init__(self, joint: devices.Joint, world: Physics, position_mm: Callable[[], float]) -> None:
+    def __init__(self, joint: devices.JointSpec, world: Physics, position_mm: Callable[[], float]) -> None:
         super().__init__(joint, world)
         self._ends = joint.ends
         self._position_mm = position_mm
@@ -168,7 +168,7 @@ _SEEN = np.array([group in (WALLS, FLOOR) for group in range(mujoco.mjNGROUP)], 
 _SPEED_DIGITS = 2  # of speeds in mm/s and degrees/s: a robot at rest reads 0
 
 
-class Placement(NamedTuple):
+class SpatialPose(NamedTuple):
     """Where the robot is in space: in m, (3,), and the rotation from its frame to the world's, (3, 3)."""
 
     place: NDArray[np.float64]
@@ -228,7 +228,7 @@ class MujocoWorld:
         )
         self._setpoints: dict[int, Callable[[], float]] = {}
         self._steps = 0
-        self._timeline = Timeline(self.configs)
+        self._timeline = StepTimeline(self.configs)
         mujoco.mj_step(self.model, self.data, nstep=SETTLING_STEPS)
         self.seed = seed
         self._noise = Noise(1, seed)
@@ -351,11 +351,11 @@ class MujocoWorld:
 
     # --- readings ------------------------------------------------------------------------------------
 
-    def placement(self) -> Placement:
+    def placement(self) -> SpatialPose:
         """Return where the robot is in space; it tilts a little as it brakes."""
         rotation = np.empty(9)
         mujoco.mju_quat2Mat(rotation, self.data.qpos[3:7])
-        return Placement(self.data.qpos[:3].copy(), rotation.reshape(3, 3))
+        return SpatialPose(self.data.qpos[:3].copy(), rotation.reshape(3, 3))
 
     def true_pose(self, robot: int) -> Pose:
         """Return the true pose of the robot; see `Physics`."""
@@ -375,11 +375,13 @@ class MujocoWorld:
         _check_robot(robot)
         return self._bumps
 
-    def bumper(self, robot: int) -> Bumper:
+    def bumper(self, robot: int) -> PressedBumpers:
         """Return the bumpers of the robot, pressed by walls; see `Physics`."""
         _check_robot(robot)
         ahead = [math.cos(math.radians(bearing)) for bearing in self._bearings]
-        return Bumper(front=any(part >= 0.0 for part in ahead), rear=any(part < 0.0 for part in ahead))
+        return PressedBumpers(
+            front=any(part >= 0.0 for part in ahead), rear=any(part < 0.0 for part in ahead)
+        )
 
     def contact_bearings(self, robot: int) -> tuple[float, ...]:
         """Return the bearings at which walls touch the robot; see `Physics`."""
@@ -461,11 +463,11 @@ class MujocoWorld:
         """Return the mechanism of a lidar or a lift; see `Physics`."""
         _check_robot(robot)
         match device:
-            case devices.Lidar():
+            case devices.LidarSpec():
                 blocked = next((field.blocked for field in spec.fields if field.name == device.field), ())
                 height_mm = 1e3 * (self._build.height + BEAM_HEIGHT_M)
                 return RayLidar(device, self, self.cast, height_mm=height_mm, blocked=blocked, seed=seed)
-            case devices.Joint():
+            case devices.JointSpec():
                 joint, actuator = self.data.joint(spec.name), self.model.actuator(spec.name).id
                 lift = Lift(device, self, lambda: float(joint.qpos[0]) * 1e3)
                 self._setpoints[actuator] = lift.setpoint_mm

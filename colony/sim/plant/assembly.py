@@ -19,11 +19,12 @@ from colony.sim.config import RobotConfig, config_of, rome_config
 from colony.sim.devices import devices_of
 from colony.sim.hazards.hazards import Hazards, scenery_of
 from colony.sim.hazards.scenery import Scenery
-from colony.sim.plant.hardware import STEP_NS, WATCHDOG_NS, Devices, GivenFields, RobotCamera, RobotDevice
+from colony.sim.plant.hardware import STEP_NS, Devices, GivenFields, RobotCamera, RobotDevice
 from colony.sim.world.elevators import Elevators
 from colony.sim.world.movers import with_movers
-from colony.sim.world.site import Site
+from colony.sim.world.site import SimulatedSite
 from colony.sim.world.world import World
+from colony.sim.world_spec import WorldSpec
 
 if TYPE_CHECKING:  # compiled when they are imported, which robots without cameras do not wait for
     from colony.sim.cameras.camera import CameraConfig
@@ -32,56 +33,50 @@ if TYPE_CHECKING:  # compiled when they are imported, which robots without camer
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlantOptions:
-    """The options of a plant.
+    """A plant, with the files of its world loaded.
 
     Attributes:
-        path: path of the socket, in a private folder, which is created if it is missing.
-        world: the map of the world.
+        path: path of the socket, in the private folder of a robot that this process has claimed.
+        spec: the specification of the world.
+        world: its map, loaded.
         building: the building of this map, if elevators take the robots to other floors.
-        floors: the names of the maps of these floors, that of `world` first.
         robots: initial poses by name: x, y in mm, heading in degrees counterclockwise from north.
         cameras: cameras of each robot, by name.
-        hazards: hazards of the building; none by default, and in a grid.
-        hazards_seed: seed of the hazards.
-        movers: number of people who walk around between free places, besides those of the hazards.
+        hazards: the hazards that the spec's seed draws; by default the usual ones if it has such a seed.
         body: the body of the robots; None for one that has no devices but those of `config` and `cameras`.
         servers: the servers of the body whose devices are simulated, with what they offer; those that follow
             from the body alone by default.
         config: the parameters of the robots; those of the body by default, of RoME without one.
-        seed: seed of the simulated errors.
         step_ns: step of the simulation.
-        watchdog_ns: time without a command after which a base stops.
-        logical_ns: logical time that passes with each command; None for real time.
     """
 
     path: Path
+    spec: WorldSpec = field(default_factory=WorldSpec)
     world: WorldMap
     building: Building | None = None
-    floors: tuple[str, ...] = ()
     robots: Mapping[str, tuple[float, float, float]]
     cameras: Mapping[str, CameraConfig | CeilingCameraConfig] = field(default_factory=dict)
-    hazards: Hazards = field(default_factory=Hazards.none)
-    hazards_seed: int = 0
-    movers: int = 0
+    hazards: Hazards | None = None
     body: Body | None = None
     servers: tuple[ServerSpec, ...] | None = None
     config: RobotConfig | None = None
-    seed: int = 0
     step_ns: int = STEP_NS
-    watchdog_ns: int = WATCHDOG_NS
-    logical_ns: int | None = None
+
+    @property
+    def drawn_hazards(self) -> Hazards:
+        """The hazards that are drawn."""
+        if self.hazards is not None:
+            return self.hazards
+        return Hazards.none() if self.spec.hazards is None else Hazards()
 
 
 def assembled_devices(options: PlantOptions, clock: Callable[[], int]) -> Devices:
     """Return the devices of a plant, ready to be read at once.
 
     Raises:
-        ValueError: a robot does not fit, there is no room for people, or there are several robots in logical
-            time.
+        ValueError: a robot does not fit, or there is no room for people.
         DiagnosticError: a grid is to have hazards or cameras, which require a building.
     """
-    if options.logical_ns is not None and len(options.robots) != 1:
-        raise ValueError(f"logical time with {len(options.robots)} robots; expected 1")
     config = options.config or (rome_config() if options.body is None else config_of(options.body))
     stage = _stage(options, config)
     given = GivenFields()
@@ -96,7 +91,6 @@ def assembled_devices(options: PlantOptions, clock: Callable[[], int]) -> Device
         given=given,
         now_ns=clock(),
         step_ns=options.step_ns,
-        watchdog_ns=options.watchdog_ns if options.logical_ns is None else None,
     )
     for name in stage.cameras:  # warm up, so that the first real images and readings are not slow
         devices.image(0, name)
@@ -119,13 +113,13 @@ class _Stage:
 def _stage(options: PlantOptions, config: RobotConfig) -> _Stage:
     if options.building is None:
         return _single_floor(options, config)
-    site = Site(
+    site = SimulatedSite(
         options.building,
-        options.floors,
-        options.hazards,
+        options.spec.floors,
+        options.drawn_hazards,
         poses=list(options.robots.values()),
-        seed=options.hazards_seed,
-        noise_seed=options.seed,
+        seed=options.spec.hazards or 0,
+        noise_seed=options.spec.seed,
         config=config,
     )
     # All of them now: a scene takes longer than a ride may keep the plant from its steps.
@@ -146,7 +140,7 @@ def _stage(options: PlantOptions, config: RobotConfig) -> _Stage:
 
 def _single_floor(options: PlantOptions, config: RobotConfig) -> _Stage:
     scenery = populated_scenery(options)
-    world = World(walls=scenery, poses=list(options.robots.values()), config=config, seed=options.seed)
+    world = World(walls=scenery, poses=list(options.robots.values()), config=config, seed=options.spec.seed)
     if not options.cameras:
         return _Stage(world=world, cameras={})
     cameras = _cameras(options, options.world.building("a camera"), scenery, config.radius_mm)
@@ -160,11 +154,12 @@ def populated_scenery(options: PlantOptions) -> Scenery:
         DiagnosticError: a grid is to have hazards.
         NoRoomError: there is no room for people.
     """
-    scenery = scenery_of(options.world, options.hazards, options.hazards_seed)
-    if not (options.movers and options.robots):
+    spec = options.spec
+    scenery = scenery_of(options.world, options.drawn_hazards, spec.hazards or 0)
+    if not (spec.movers and options.robots):
         return scenery
     (x, y, _), *_ = options.robots.values()
-    return with_movers(scenery, lambda: FreeSpace(options.world), (x, y), options.movers, seed=options.seed)
+    return with_movers(scenery, lambda: FreeSpace(options.world), (x, y), spec.movers, seed=spec.seed)
 
 
 def _cameras(
@@ -181,7 +176,7 @@ def _cameras(
         if isinstance(config, CeilingCameraConfig):
             ceiling = CeilingCamera(scenery, config)
             return lambda world, robot, t_ns: ceiling.image(world.true_pose(robot), t_ns)
-        return Camera(scene_of(floor, scenery), config, robot_radius_mm=radius_mm, seed=options.seed).see
+        return Camera(scene_of(floor, scenery), config, robot_radius_mm=radius_mm, seed=options.spec.seed).see
 
     return {name: camera(config) for name, config in options.cameras.items()}
 
@@ -194,4 +189,4 @@ def _robot_devices(
     if body is None:
         return {}
     servers = servers_of(body) if options.servers is None else options.servers
-    return devices_of(body, servers, world, robot, seed=options.seed, given=given.of(robot))
+    return devices_of(body, servers, world, robot, seed=options.spec.seed, given=given.of(robot))

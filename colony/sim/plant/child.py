@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -20,8 +20,8 @@ from colony.runtime.assembly.processes.shutdown import (
     on_signals,
 )
 from colony.runtime.assembly.processes.spec import SPEC_BYTES, decoded_server
-from colony.runtime.transport.live.errors import LiveError
-from colony.runtime.transport.live.run_directory import RobotDirectory
+from colony.runtime.transport.live.run_directory import LiveError, RobotDirectory
+from colony.sim.world_spec import ViewDirection, WorldSpec
 
 if TYPE_CHECKING:
     from colony.body.model import Body
@@ -31,31 +31,21 @@ if TYPE_CHECKING:
 SIMULATOR = "Simulator"
 """Name of the plant among the processes of a robot."""
 
-ViewDirection = float | Literal["up"]
-"""Direction of a camera: degrees counterclockwise from ahead, or "up" at the ceiling."""
-
 
 class PlantSpec(msgspec.Struct, frozen=True, kw_only=True):
-    """The specification of a plant: one robot in the building of a map, with the direction of each camera.
+    """The specification of a plant: one robot in a simulated world.
 
-    `floors` are the names of the maps of the floors that elevators connect, the robot's one first; without
-    any, the robot stays on the map. `folder` is the robot's folder. `body` is the file of its body, None for
-    that of RoME. `start` is the initial pose, x and y in mm and the heading in degrees, or None for that of
-    the map. `hazards` is the seed of the hazards (docs/hazards.md), or None for no hazards. `movers`,
-    `logical_ns` and `servers` (as `encoded_server` writes them) are as in
-    `colony.sim.plant.assembly.PlantOptions`.
+    Attributes:
+        robot: the name of the robot.
+        folder: the robot's folder.
+        world: the world, with a map.
+        body: the file of the robot's body; None for that of RoME.
+        servers: the servers whose devices are simulated, as `encoded_server` writes them.
     """
 
     robot: str
     folder: str
-    map: str
-    seed: int
-    floors: tuple[str, ...] = ()
-    cameras: dict[str, ViewDirection] = {}
-    start: tuple[float, float, float] | None = None
-    hazards: int | None = None
-    movers: int = 0
-    logical_ns: int | None = None
+    world: WorldSpec
     body: str | None = None
     servers: tuple[msgspec.Raw, ...] = ()
 
@@ -97,34 +87,30 @@ def serve(
 
         with announcing_compilation(report):
             from colony.sim.config import config_of
-            from colony.sim.hazards.hazards import Hazards
             from colony.sim.plant.assembly import PlantOptions
             from colony.sim.plant.process import serve_plant
 
-            cameras = {name: _camera(direction) for name, direction in spec.cameras.items()}
-        building = load_building(spec.map) if spec.floors else None
-        world = load_world(spec.map) if building is None else world_of(building.map_named(spec.floors[0]))
+            cameras = {name: _camera(direction) for name, direction in spec.world.cameras.items()}
+        map_path, floors = spec.world.map_path, spec.world.floors
+        assert map_path is not None
+        building = load_building(map_path) if floors else None
+        world = load_world(map_path) if building is None else world_of(building.map_named(floors[0]))
         body = _body(spec)
         try:
-            start = world.start(config_of(body).radius_mm, spec.start)
+            start = world.start(config_of(body).radius_mm, spec.world.start)
             options = PlantOptions(
                 path=spec.socket,
+                spec=spec.world,
                 world=world,
                 building=building,
-                floors=spec.floors,
                 robots={spec.robot: start},
                 cameras=cameras,
-                hazards=Hazards.none() if spec.hazards is None else Hazards(),
-                hazards_seed=spec.hazards or 0,
-                movers=spec.movers,
                 body=body,
                 servers=tuple(map(decoded_server, spec.servers)),
-                seed=spec.seed,
-                logical_ns=spec.logical_ns,
             )
             serve_plant(options, stop=lambda: bool(shutdown), ready=ready)
         except ValueError as problem:
-            raise NoClearanceError(f"{spec.map}: error: the robot cannot start there: {problem}") from None
+            raise NoClearanceError(f"{map_path}: error: the robot cannot start there: {problem}") from None
 
 
 def _body(spec: PlantSpec) -> Body:

@@ -6,10 +6,9 @@ import os
 import socket
 from pathlib import Path
 
-from colony.sim.given import GivenValue
+from colony.sim.mechanism import GivenValue
 from colony.sim.plant.protocol import (
     MAX_BYTES_FROM_PLANT,
-    Advance,
     AskDoors,
     AskTruth,
     AttachControl,
@@ -19,12 +18,11 @@ from colony.sim.plant.protocol import (
     Give,
     Landed,
     MoveDoors,
-    Place,
+    PlaceRobot,
     Refusal,
-    Ride,
+    RideElevator,
     ToPlant,
     Truth,
-    Unpacker,
     pack,
     read_from_plant,
 )
@@ -44,8 +42,7 @@ class PlantControl:
     """
 
     def __init__(self, path: Path, *, timeout_s: float = 5.0) -> None:
-        self._sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._unpacker = Unpacker(MAX_BYTES_FROM_PLANT)
+        self._sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         try:
             self._sock.settimeout(timeout_s)
             self._sock.connect(os.fspath(path))
@@ -64,7 +61,7 @@ class PlantControl:
 
     def place(self, robot: str, x: float, y: float, heading: float) -> None:
         """Move a robot to another pose, unnoticed by its odometry."""
-        self._ask(Place(robot=robot, x=x, y=y, heading=heading))
+        self._ask(PlaceRobot(robot=robot, x=x, y=y, heading=heading))
 
     def give(self, robot: str, server: str, field: str, value: GivenValue, *, t_ns: int = 0) -> None:
         """Let a field of a device read a value in base units, from a time of the plant on.
@@ -72,10 +69,6 @@ class PlantControl:
         It does so until another value, or the end of this connection. None is what the device measures.
         """
         self._ask(Give(robot=robot, server=server, field=field, t_ns=t_ns, value=value))
-
-    def advance(self, dt_ns: int) -> None:
-        """Let logical time pass."""
-        self._ask(Advance(dt_ns=dt_ns))
 
     def opening(self, node: str) -> float:
         """Return the opening of the doors of the elevator at a node of the robots' floor, from 0 to 1."""
@@ -89,7 +82,7 @@ class PlantControl:
 
     def ride(self, node: str, floor: str) -> str:
         """Take the robots in an elevator to the floor of another map; return the node of the doors there."""
-        answer = self._ask(Ride(node=node, floor=floor))
+        answer = self._ask(RideElevator(node=node, floor=floor))
         assert isinstance(answer, Landed)
         return answer.node
 
@@ -106,11 +99,11 @@ class PlantControl:
         self.close()
 
     def _ask(self, message: ToPlant) -> FromPlant:
-        self._sock.sendall(pack(message))
-        while data := self._sock.recv(65536):
-            for payload in self._unpacker.feed(data):
-                answer = read_from_plant(payload)
-                if isinstance(answer, Refusal):
-                    raise ValueError(answer.message)
-                return answer
-        raise ConnectionError("the plant ended the connection")
+        self._sock.send(pack(message))
+        packet = self._sock.recv(MAX_BYTES_FROM_PLANT)
+        if not packet:
+            raise ConnectionError("the plant ended the connection")
+        answer = read_from_plant(packet)
+        if isinstance(answer, Refusal):
+            raise ValueError(answer.message)
+        return answer

@@ -18,9 +18,8 @@ from colony.runtime.servers.drivers import BaseState
 from colony.sim.compiled import Bytes2
 from colony.sim.devices.base import BaseSensors, RingSensors
 from colony.sim.drivers import image_of
-from colony.sim.given import Given, GivenTimeline, GivenValue
-from colony.sim.plant.protocol import FieldReading, Rings, Truth
-from colony.sim.timeline import MAX_STEP_S
+from colony.sim.mechanism import Given, GivenTimeline, GivenValue
+from colony.sim.plant.protocol import FieldReading, RingReadings, Truth
 from colony.sim.world.elevators import Elevators
 from colony.sim.world.world import World
 
@@ -74,6 +73,7 @@ STEP_NS = 20_000_000
 """Step of the simulation in nanoseconds: the period of the reports of a base or a ring."""
 
 WATCHDOG_NS = 500_000_000
+"""Time in nanoseconds without a command after which a base stops."""
 
 MAX_LAG_NS = 1_000_000_000
 """Maximum lag in nanoseconds that the plant makes up for.
@@ -122,7 +122,6 @@ class Devices:
         given: what is given for fields of these devices, which read it.
         now_ns: current time.
         step_ns: step of the simulation.
-        watchdog_ns: time without a command after which a base stops; None for never.
 
     Raises:
         ValueError: the names are not one distinct name per robot, or the step is out of range.
@@ -140,7 +139,6 @@ class Devices:
         given: GivenFields | None = None,
         now_ns: int,
         step_ns: int = STEP_NS,
-        watchdog_ns: int | None = WATCHDOG_NS,
     ) -> None:
         if len(set(names)) != len(world) or len(names) != len(world):
             raise ValueError(f"{len(world)} robots, named {', '.join(names)}; expected a name for each")
@@ -157,7 +155,6 @@ class Devices:
         self._bases = [BaseSensors(world, robot) for robot in robots]
         self._rings = {robot: RingSensors(world, robot) for robot in robots if world.configs[robot].channels}
         self.step_ns = step_ns
-        self._watchdog_ns = watchdog_ns
         self._skipped_ns = 0
         self.time_ns = now_ns
 
@@ -224,23 +221,10 @@ class Devices:
             self.time_ns += skipped
         while self.time_ns + self.step_ns <= now_ns:
             self._stop_expired()
-            self._step(self.step_ns)
-
-    def pass_time(self, dt_ns: int) -> None:
-        """Simulate `dt_ns` of logical time.
-
-        Raises:
-            ValueError: the time is not above 0, or too long.
-        """
-        if not 0 < dt_ns <= MAX_STEP_S * 1e9:
-            raise ValueError(f"cannot advance by {dt_ns} ns; expected above 0, up to {MAX_STEP_S:g} s")
-        self._step(dt_ns)
-
-    def _step(self, dt_ns: int) -> None:
-        self._world.advance(dt_ns / 1e9)
-        if self._elevators is not None:
-            self._elevators.advance(dt_ns / 1e9)
-        self.time_ns += dt_ns
+            self._world.advance(self.step_ns / 1e9)
+            if self._elevators is not None:
+                self._elevators.advance(self.step_ns / 1e9)
+            self.time_ns += self.step_ns
 
     def _stop_expired(self) -> None:
         """Stop the bases whose watchdogs have expired."""
@@ -249,7 +233,7 @@ class Devices:
                 self.halt(robot)
 
     def _in_time(self, commanded_ns: int) -> bool:
-        return self._watchdog_ns is None or self.time_ns - commanded_ns < self._watchdog_ns
+        return self.time_ns - commanded_ns < WATCHDOG_NS
 
     # --- commands ------------------------------------------------------------------------------------
 
@@ -315,10 +299,10 @@ class Devices:
         """Return the newest state of a base; None before the first has arrived."""
         return self._bases[robot].state(self.time_ns)
 
-    def proximity(self, robot: int) -> Rings:
+    def proximity(self, robot: int) -> RingReadings:
         """Return the newest readings of a robot's rings."""
         ring = self._rings[robot]
-        return Rings(sonar=ring.sonar(self.time_ns), infrared=ring.infrared(self.time_ns))
+        return RingReadings(sonar=ring.sonar(self.time_ns), infrared=ring.infrared(self.time_ns))
 
     def image(self, robot: int, camera: str) -> Image:
         """Return the image of a robot's camera."""

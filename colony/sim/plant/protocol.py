@@ -1,24 +1,22 @@
-"""The protocol between the simulated devices and their drivers, over unix stream sockets.
+"""The protocol between the simulated devices and their drivers, over unix sockets of packets.
 
-A message is four bytes of length, most significant first, one byte of version, then msgpack. The first
-message attaches a connection to a device. From then on the plant sends readings by itself, and the driver
-sends commands. On a control connection the plant only answers requests.
+A message is a packet: one byte of version, then msgpack. The first message attaches a connection to a device.
+From then on the plant sends readings by itself, and the driver sends commands. On a control connection the
+plant only answers requests.
 
     driver   -> plant    AttachBase, AttachProximity, AttachCamera, AttachDevice
     plant    -> driver   Attached, then BaseReading, ProximityReading, CameraReading or DeviceReading
                          periodically
-    driver   -> plant    DriveBase, Halt; DeviceCommand, Safe; Sense, in logical time
-    control  -> plant    AttachControl, then AskTruth, Place, Give, Advance, AskDoors, MoveDoors, Ride, each
-                         answered by Truth, Doors, Landed, Done or Refusal
+    driver   -> plant    DriveBase, HaltBase; DeviceCommand, MakeSafe
+    control  -> plant    AttachControl, then AskTruth, PlaceRobot, Give, AskDoors, MoveDoors, RideElevator,
+                         each answered by Truth, Doors, Landed, Done or Refusal
 
-Times are those of the machine's monotonic clock in nanoseconds. Logical time advances only by commands, and
-the plant sends nothing by itself: `DriveBase` advances time by a frame, and `DriveBase` and `Sense` are
-answered by a reading with the same `number`.
+Times are those of the machine's monotonic clock in nanoseconds.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
@@ -28,15 +26,13 @@ from colony.ir.types import ScalarValue
 from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.drivers import BaseState
-from colony.sim.given import GivenValue
+from colony.sim.mechanism import GivenValue
 
-VERSION = 6
+VERSION = 7
 
 MAX_BYTES_TO_PLANT = 65536
-MAX_BYTES_FROM_PLANT = 8 * 1024 * 1024
-"""Bytes of the largest message in each direction."""
-
-_LENGTH_BYTES = 4
+MAX_BYTES_FROM_PLANT = 512 * 1024
+"""Bytes of the largest message in each direction; the operating system takes no larger packet."""
 
 M = TypeVar("M")
 Value = TypeVar("Value")
@@ -87,11 +83,10 @@ class DriveBase(_Message, frozen=True, kw_only=True):
 
     velocity: float
     turn: float
-    number: int = 0
     sideways: float = 0.0
 
 
-class Halt(_Message, frozen=True, kw_only=True):
+class HaltBase(_Message, frozen=True, kw_only=True):
     """A command to stop."""
 
 
@@ -102,14 +97,8 @@ class DeviceCommand(_Message, frozen=True, kw_only=True):
     values: Mapping[str, ScalarValue]
 
 
-class Safe(_Message, frozen=True, kw_only=True):
+class MakeSafe(_Message, frozen=True, kw_only=True):
     """A command to make a device safe, which the plant also does when the connection ends."""
-
-
-class Sense(_Message, frozen=True, kw_only=True):
-    """A request for a reading."""
-
-    number: int
 
 
 class AskTruth(_Message, frozen=True, kw_only=True):
@@ -118,7 +107,7 @@ class AskTruth(_Message, frozen=True, kw_only=True):
     robot: str
 
 
-class Place(_Message, frozen=True, kw_only=True):
+class PlaceRobot(_Message, frozen=True, kw_only=True):
     """A request to move a robot to another pose, unnoticed by its odometry."""
 
     robot: str
@@ -140,12 +129,6 @@ class Give(_Message, frozen=True, kw_only=True):
     value: GivenValue
 
 
-class Advance(_Message, frozen=True, kw_only=True):
-    """A request to advance logical time."""
-
-    dt_ns: int
-
-
 class AskDoors(_Message, frozen=True, kw_only=True):
     """A request for the opening of the doors of the elevator at a node of the robots' floor."""
 
@@ -159,7 +142,7 @@ class MoveDoors(_Message, frozen=True, kw_only=True):
     is_opening: bool
 
 
-class Ride(_Message, frozen=True, kw_only=True):
+class RideElevator(_Message, frozen=True, kw_only=True):
     """A request to take the robots in the elevator at a node to the floor of another map."""
 
     node: str
@@ -172,12 +155,10 @@ class Ride(_Message, frozen=True, kw_only=True):
 class Attached(_Message, frozen=True, kw_only=True):
     """The confirmation of an attachment.
 
-    `logical` is True if time advances only by commands. `began_ns` is the start time of the plant, which
-    distinguishes a process from its replacement.
+    `began_ns` is the start time of the plant, which distinguishes a process from its replacement.
     """
 
-    logical: bool
-    began_ns: int = 0
+    began_ns: int
 
 
 class Refusal(_Message, frozen=True, kw_only=True):
@@ -210,7 +191,7 @@ class FieldReading(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rings:
+class RingReadings:
     """The ranges in mm and the detections of a robot's rings; None before the first have arrived."""
 
     sonar: Sample | None
@@ -218,18 +199,17 @@ class Rings:
 
 
 class _Reading(_Message, Generic[Value], frozen=True, kw_only=True):
-    """What a device reads at `t_ns`, with the times of its measurements; `number` is that of the request."""
+    """What a device reads at `t_ns`, with the times of its measurements."""
 
     value: Value
     t_ns: int
-    number: int = 0
 
 
 class BaseReading(_Reading[BaseState | None], frozen=True, kw_only=True):
     """The state of a base; None before the first has arrived."""
 
 
-class ProximityReading(_Reading[Rings], frozen=True, kw_only=True):
+class ProximityReading(_Reading[RingReadings], frozen=True, kw_only=True):
     """The newest scans of both rings."""
 
 
@@ -267,74 +247,49 @@ class Truth(_Message, frozen=True, kw_only=True):
 
 Device = AttachBase | AttachProximity | AttachCamera | AttachDevice
 Attach = Device | AttachControl
-Control = AskTruth | Place | Give | Advance | AskDoors | MoveDoors | Ride
-ToPlant = Attach | DriveBase | Halt | DeviceCommand | Safe | Sense | Control
+Control = AskTruth | PlaceRobot | Give | AskDoors | MoveDoors | RideElevator
+ToPlant = Attach | DriveBase | HaltBase | DeviceCommand | MakeSafe | Control
 Reading = BaseReading | ProximityReading | CameraReading | DeviceReading
 FromPlant = Attached | Refusal | Done | Reading | Truth | Doors | Landed
 
 
 class PlantProtocolError(ValueError):
-    """Bytes violate the protocol; the bytes after them cannot be read either."""
+    """A packet that is not a message of this protocol."""
 
 
+_PREFIX = bytes([VERSION])
 _encoder = msgspec.msgpack.Encoder()
 _from_plant: msgspec.msgpack.Decoder[FromPlant] = msgspec.msgpack.Decoder(FromPlant)
 _to_plant: msgspec.msgpack.Decoder[ToPlant] = msgspec.msgpack.Decoder(ToPlant)
 
 
 def pack(message: ToPlant | FromPlant) -> bytes:
-    """Pack a message for a socket."""
-    body = _encoder.encode(message)
-    return (len(body) + 1).to_bytes(_LENGTH_BYTES, "big") + bytes([VERSION]) + body
+    """Pack a message into a packet."""
+    return _PREFIX + _encoder.encode(message)
 
 
-def read_to_plant(payload: bytes) -> ToPlant:
-    """Read the message to the plant in a payload.
-
-    Raises:
-        PlantProtocolError: the payload is not a message.
-    """
-    return _read(payload, _to_plant)
-
-
-def read_from_plant(payload: bytes) -> FromPlant:
-    """Read the message from the plant in a payload.
+def read_to_plant(packet: bytes) -> ToPlant:
+    """Read the message to the plant in a packet.
 
     Raises:
-        PlantProtocolError: the payload is not a message.
+        PlantProtocolError: the packet is not a message.
     """
-    return _read(payload, _from_plant)
+    return _read(packet, _to_plant)
 
 
-def _read(payload: bytes, decoder: msgspec.msgpack.Decoder[M]) -> M:
-    if payload[:1] != bytes([VERSION]):
-        raise PlantProtocolError(f"found version {payload[0] if payload else 'none'}; expected {VERSION}")
+def read_from_plant(packet: bytes | memoryview) -> FromPlant:
+    """Read the message from the plant in a packet.
+
+    Raises:
+        PlantProtocolError: the packet is not a message.
+    """
+    return _read(packet, _from_plant)
+
+
+def _read(packet: bytes | memoryview, decoder: msgspec.msgpack.Decoder[M]) -> M:
+    if packet[:1] != _PREFIX:
+        raise PlantProtocolError(f"found version {packet[0] if packet else 'none'}; expected {VERSION}")
     try:
-        return decoder.decode(memoryview(payload)[1:])
+        return decoder.decode(memoryview(packet)[1:])
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as problem:
         raise PlantProtocolError(str(problem) or type(problem).__name__) from None
-
-
-class Unpacker:
-    """A splitter of a byte stream into payloads. Stateful: keeps the incomplete payload."""
-
-    def __init__(self, max_bytes: int) -> None:
-        self._max_bytes = max_bytes
-        self._rest = bytearray()
-
-    def feed(self, data: bytes) -> Iterator[bytes]:
-        """Yield every complete payload.
-
-        Raises:
-            PlantProtocolError: the length of a payload is 0 or larger than allowed.
-        """
-        self._rest += data
-        while len(self._rest) >= _LENGTH_BYTES:
-            length = int.from_bytes(self._rest[:_LENGTH_BYTES], "big")
-            if not 0 < length <= self._max_bytes:
-                raise PlantProtocolError(f"a message of {length} bytes; expected 1 to {self._max_bytes}")
-            if len(self._rest) < _LENGTH_BYTES + length:
-                return
-            payload = bytes(self._rest[_LENGTH_BYTES : _LENGTH_BYTES + length])
-            del self._rest[: _LENGTH_BYTES + length]
-            yield payload

@@ -29,7 +29,7 @@ import numpy as np
 from colony.sim.compiled import Bools2, Floats, Floats2, Floats4, Ints, called, compiled, inlined
 from colony.sim.config import RobotConfig
 from colony.sim.world.people import Crowd
-from colony.sim.world.wall_boxes import GROUP, box_gap
+from colony.sim.world.placing import GROUP, box_gap
 
 SLICE_S = 0.02
 """Largest time in seconds over which speeds are considered constant."""

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from colony.nav.maps.free_space import FreeSpace, NoRoomError, Place
-from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Person, Scenery, Track
+from colony.sim.hazards.scenery import PERSON_RADIUS_MM, CorridorTrack, Person, Scenery
 
 WALK_MM_S = (600.0, 1400.0)
 """The range of walking speeds."""
@@ -53,7 +53,7 @@ def _mover(space: FreeSpace, start: Place, rng: np.random.Generator) -> Person:
     place, end = space.random_leg(start, _HALF_WIDTHS_MM[-1], rng)
     half_width = next(half for half in _HALF_WIDTHS_MM if space.is_free(place, end, half))
     heading = math.degrees(math.atan2(place[0] - end[0], end[1] - place[1])) % 360.0
-    track = Track(
+    track = CorridorTrack(
         x_mm=place[0],
         y_mm=place[1],
         heading_deg=heading,

@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # compiled when it is imported, which robots without cameras 
 _Camera = TypeVar("_Camera")
 
 
-class Site:
+class SimulatedSite:
     """Floors of a building, with robots on the first of them. Mutable: the world and the elevators.
 
     The attribute `building` has only these floors, in this order.

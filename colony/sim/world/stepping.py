@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from colony.sim.chance import SLIPS, deviate, uniform
 from colony.sim.compiled import Floats2, Floats4, Ints, called, compiled, inlined
-from colony.sim.hazards.scenery import Joint, Slip
+from colony.sim.hazards.scenery import ExpansionJoint, WheelSlip
 from colony.sim.world.base import SKIN_MM, Bases, move
 from colony.sim.world.people import Crowd, walk
 
@@ -33,7 +33,7 @@ class Floor(NamedTuple):
     Attributes:
         joints: (n, 4), x0, y0, x1, y1 in mm.
         crossings: (robots,), number of joints crossed by each robot so far, on all floors.
-        probability, turn_deg, min_mm, max_mm: as in `Slip`.
+        probability, turn_deg, min_mm, max_mm: as in `WheelSlip`.
         seed: seed of the slips.
     """
 
@@ -46,7 +46,7 @@ class Floor(NamedTuple):
     seed: int
 
 
-def floor_of(joints: Sequence[Joint], slip: Slip, *, crossings: Ints, seed: int) -> Floor:
+def floor_of(joints: Sequence[ExpansionJoint], slip: WheelSlip, *, crossings: Ints, seed: int) -> Floor:
     """Return a floor that continues the counts `crossings`, (robots,)."""
     ends = [(j.x0_mm, j.y0_mm, j.x1_mm, j.y1_mm) for j in joints]
     return Floor(

@@ -20,13 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 from colony.body.devices import Device
 from colony.ir.servers import ServerSpec
 from colony.nav.maps.stickrep.model import Pose
-from colony.sim.chance import SEED_MODULUS
+from colony.sim.chance import SEED_MODULUS, Noise
 from colony.sim.config import RingConfig, RobotConfig, rome_config
 from colony.sim.hazards.scenery import Scenery, bare_scenery
-from colony.sim.noise import Noise
-from colony.sim.sensors.rings import Rings, disturbance_deg
-from colony.sim.sensors.sonar import CrossTalk, corner_reflectors, wall_table
-from colony.sim.timeline import Timeline
+from colony.sim.sensors.sonar import CrossTalk, Rings, corner_reflectors, disturbance_deg, wall_table
+from colony.sim.timeline import StepTimeline
 from colony.sim.world.base import SLICE_S, bases_at, drivetrain_of
 from colony.sim.world.people import X, Y, crowd_of, make_way
 from colony.sim.world.placing import (
@@ -35,9 +33,9 @@ from colony.sim.world.placing import (
     checked_holes,
     checked_poses,
     checked_walls,
+    wall_boxes,
 )
 from colony.sim.world.stepping import contact_bearings, floor_of, step
-from colony.sim.world.wall_boxes import wall_boxes
 
 T = TypeVar("T")
 
@@ -61,7 +59,7 @@ class Speed(NamedTuple):
 STILL = Speed(0.0, 0.0)
 
 
-class Bumper(NamedTuple):
+class PressedBumpers(NamedTuple):
     """The bumpers of the two halves of the hull; True if pressed."""
 
     front: bool
@@ -156,7 +154,7 @@ class World:
         self._rings = _equal_rings(configs)
         self._sonar_noise_column = self._noise.take(self._channels)
         self._placements = [0] * len(initial_poses)
-        self._timeline = Timeline(configs)
+        self._timeline = StepTimeline(configs)
         self._shared: dict[Hashable, object] = {}
         self._snapshot: _Snapshot | None = None
         self._situation: Situation | None = None
@@ -264,9 +262,9 @@ class World:
         readings: NDArray[np.bool_] = rings.infrared[row].copy()
         return readings
 
-    def bumper(self, robot: int) -> Bumper:
+    def bumper(self, robot: int) -> PressedBumpers:
         """Return the bumpers of a robot, pressed by walls, people or other robots."""
-        return Bumper(*self._current_state().contacts[self._index(robot)])
+        return PressedBumpers(*self._current_state().contacts[self._index(robot)])
 
     def contact_bearings(self, robot: int) -> tuple[float, ...]:
         """Return the bearings at which a robot is touched, in degrees counterclockwise from ahead.

@@ -18,8 +18,8 @@ import z3
 from colony.ir.program import Machine, Module, Program, Robot, State, gaps_ns
 from colony.ir.types import Enum
 from colony.verify.contracts.slicing import facts, formulas_of, within
-from colony.verify.contracts.solver import Answer, Budget, Solver
-from colony.verify.symbolic.system import Cell, Claim, Number, SensorInput, System
+from colony.verify.contracts.solver import Budget, IncrementalSolver, SolverAnswer
+from colony.verify.symbolic.system import ContractFormula, ExtendedReal, SensorInput, SymbolicCell, System
 from colony.verify.symbolic.unrolling import Cone, Substitution
 
 _MAX_PAIRS = 300
@@ -35,7 +35,7 @@ class Candidate:
     formula: z3.BoolRef
 
 
-def candidates(cone: Cone, claims: tuple[Claim, ...]) -> tuple[Candidate, ...]:
+def candidates(cone: Cone, claims: tuple[ContractFormula, ...]) -> tuple[Candidate, ...]:
     """Return the distinct candidates for a cone that hold in the initial memory.
 
     Bounds come from the constants that the cells' own formulas and those of `claims` mention.
@@ -94,7 +94,7 @@ def for_floats(cone: Cone, used: Sequence[Candidate]) -> tuple[Candidate, ...]:
     return initially_true(cone, (*always, *sometimes))
 
 
-def _unchanged(system: System, cells: tuple[Cell, ...]) -> Iterator[Candidate]:
+def _unchanged(system: System, cells: tuple[SymbolicCell, ...]) -> Iterator[Candidate]:
     """Yield the guesses that a cell keeps its initial value, or keeps it until the first frame."""
     for cell in cells:
         if str(cell.old) == str(system.begun):
@@ -139,7 +139,9 @@ def number(x: float) -> z3.RatNumRef:
     return z3.Q(exact.numerator, exact.denominator)
 
 
-def _timestamps(system: System, flags: list[Cell], numbers: list[Cell]) -> Iterator[Candidate]:
+def _timestamps(
+    system: System, flags: list[SymbolicCell], numbers: list[SymbolicCell]
+) -> Iterator[Candidate]:
     """Yield the guesses that a flag implies an earlier frame, and that a stored time is in the past."""
     for flag in flags:
         if str(flag.old) != str(system.begun):
@@ -153,12 +155,12 @@ def _timestamps(system: System, flags: list[Cell], numbers: list[Cell]) -> Itera
                     yield Candidate(f"{flag.name} implies {cell.name} <= time of the last frame", rule)
 
 
-def _stem(cell: Cell) -> str:
+def _stem(cell: SymbolicCell) -> str:
     """Return the prefix that the cells of one memory function share in their names."""
     return cell.name.rpartition(" ")[0] or cell.name
 
 
-def _bounds(numbers: list[Cell], contract_constants: list[Fraction]) -> Iterator[Candidate]:
+def _bounds(numbers: list[SymbolicCell], contract_constants: list[Fraction]) -> Iterator[Candidate]:
     """Yield the guesses that a number is bounded by a constant in its formula or in a contract."""
     for cell in numbers:
         values = dict.fromkeys((*numerals([cell.next, cell.initial]), *contract_constants))
@@ -199,7 +201,7 @@ def numerals(formulas: list[z3.ExprRef]) -> list[Fraction]:
     return sorted(found, key=abs)
 
 
-def _literals(system: System, cone: Cone, flags: list[Cell]) -> list[Candidate]:
+def _literals(system: System, cone: Cone, flags: list[SymbolicCell]) -> list[Candidate]:
     """Return the flags, including bool states, and the phases of machines."""
     literals = [Candidate(f.name, f.old) for f in flags if str(f.old) != str(system.begun)]
     for name, members in _enumerated(system.program):
@@ -209,7 +211,7 @@ def _literals(system: System, cone: Cone, flags: list[Cell]) -> list[Candidate]:
     return literals
 
 
-def _pairs_of_flags(system: System, cone: Cone, flags: list[Cell]) -> Iterator[Candidate]:
+def _pairs_of_flags(system: System, cone: Cone, flags: list[SymbolicCell]) -> Iterator[Candidate]:
     """Yield the guesses that a flag or phase implies or excludes another, or that one of the two is true."""
     literals = _literals(system, cone, flags)
     count = 0
@@ -223,7 +225,7 @@ def _pairs_of_flags(system: System, cone: Cone, flags: list[Cell]) -> Iterator[C
         yield Candidate(f"{b.text} implies {a.text}", z3.Implies(b.formula, a.formula))
 
 
-def _pairs_of_numbers(numbers: list[Cell]) -> Iterator[Candidate]:
+def _pairs_of_numbers(numbers: list[SymbolicCell]) -> Iterator[Candidate]:
     """Yield the guesses that two numbers are equal, or in order."""
     count = 0
     for a, b in permutations(numbers, 2):
@@ -258,7 +260,7 @@ def not_refuted(cone: Cone, guesses: Sequence[Candidate], budget: Budget) -> lis
 
 def _walk(cone: Cone, random: Random, budget: Budget) -> Iterator[z3.ModelRef]:
     """Yield a model for each frame of a run with random readings, until the solver finds none quickly."""
-    solver = Solver(budget, share=0.1)
+    solver = IncrementalSolver(budget, share=0.1)
     solver.add(facts(cone))
     memory = [cell.initial for cell in cone.cells]
     t_ns = 0
@@ -267,12 +269,12 @@ def _walk(cone: Cone, random: Random, budget: Budget) -> Iterator[z3.ModelRef]:
         solver.add(*(c.old == value for c, value in zip(cone.cells, memory, strict=True)))
         solver.add(cone.system.now == t_ns, *_readings(cone, random))
         answer = solver.check()
-        if answer is Answer.SAT:
+        if answer is SolverAnswer.SAT:
             model = solver.model()
             memory = [model.eval(cell.next, model_completion=True) for cell in cone.cells]
             yield model
         solver.pop()
-        if answer is not Answer.SAT:
+        if answer is not SolverAnswer.SAT:
             return
         t_ns += _gap(random, cone.system.program.robot)
 
@@ -296,7 +298,7 @@ def _elements(cone: Cone, sensor_input: SensorInput, random: Random) -> Iterator
     """Yield values of a sensor; elements of an array are close together or spread out."""
     base, spread = random.random(), random.choice((0.0, 0.1, 1.0))
     for element in sensor_input.elements:
-        if not isinstance(element, Number):
+        if not isinstance(element, ExtendedReal):
             if within(cone, element):
                 yield element == z3.BoolVal(random.random() < 0.5)
         elif within(cone, element.value) and z3.is_const(element.value) and not element.cases:
@@ -329,13 +331,13 @@ class Invariants:
     """Conditions that hold before every frame, and the contracts that follow from them."""
 
     conditions: tuple[Candidate, ...]
-    claims: tuple[Claim, ...]
+    claims: tuple[ContractFormula, ...]
 
 
 def invariants(
     cone: Cone,
     guesses: Sequence[Candidate],
-    claims: Sequence[Claim],
+    claims: Sequence[ContractFormula],
     lemmas: Sequence[z3.BoolRef],
     budget: Budget,
 ) -> Invariants:
@@ -364,7 +366,7 @@ class _GreatestSubset:
 
     def __init__(self, cone: Cone, lemmas: Sequence[z3.BoolRef], budget: Budget) -> None:
         self._budget = budget
-        self._solver = Solver(budget, _SHARE)
+        self._solver = IncrementalSolver(budget, _SHARE)
         self._solver.add(facts(cone), *lemmas)
         self._guesses_after: list[z3.BoolRef] = []
         self._guess_switches: list[z3.BoolRef] = []
@@ -404,17 +406,17 @@ class _GreatestSubset:
         self._solver.push()
         self._solver.add(z3.Or(*(z3.Not(goals[i]) for i in sorted(kept))))
         answer = self._solver.check(assumed)
-        if answer is Answer.SAT:
+        if answer is SolverAnswer.SAT:
             model = self._solver.model()
             broken = {i for i in kept if not z3.is_true(model.eval(goals[i], model_completion=True))}
         self._solver.pop()
         match answer:
-            case Answer.UNSAT:
+            case SolverAnswer.UNSAT:
                 return False
-            case Answer.SAT:
+            case SolverAnswer.SAT:
                 kept -= broken
                 return True
-            case Answer.GAVE_UP:
+            case SolverAnswer.GAVE_UP:
                 return self._drop_one_by_one(kept, goals, assumed)
             case _:
                 assert_never(answer)
@@ -425,14 +427,16 @@ class _GreatestSubset:
         Used if z3 gives up on all of them together.
         """
         self._solver.use(self._budget, _SHARE / 8)
-        proved = {i for i in sorted(kept) if self._solver.check([*assumed, z3.Not(goals[i])]) is Answer.UNSAT}
+        proved = {
+            i for i in sorted(kept) if self._solver.check([*assumed, z3.Not(goals[i])]) is SolverAnswer.UNSAT
+        }
         self._solver.use(self._budget, _SHARE)
         dropped = kept != proved
         kept &= proved
         return dropped
 
 
-def _named(solver: Solver, name: str, formula: z3.BoolRef) -> z3.BoolRef:
+def _named(solver: IncrementalSolver, name: str, formula: z3.BoolRef) -> z3.BoolRef:
     """Return a constant that stands for a formula, so that a model gives its value directly."""
     constant = z3.Bool(name)
     solver.add(constant == formula)

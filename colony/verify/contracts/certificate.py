@@ -24,11 +24,10 @@ import z3
 
 from colony.ir.version import SEMANTICS
 from colony.text.wording import one_line
-from colony.verify.contracts.attempt import ProofContext
-from colony.verify.contracts.prove import Prover
-from colony.verify.contracts.results import Options, Proved, ProvedInTime
-from colony.verify.contracts.solver import Answer, Budget, Solver
-from colony.verify.contracts.spacer import formula_text
+from colony.verify.contracts.attempt import ProofContext, formula_text
+from colony.verify.contracts.prove import ContractProver
+from colony.verify.contracts.results import ProofOptions, Proved, ProvedInTime
+from colony.verify.contracts.solver import Budget, IncrementalSolver, SolverAnswer
 from colony.verify.symbolic.encode import claim_name
 from colony.verify.symbolic.system import Disturbance
 from colony.verify.symbolic.unrolling import Unrolling
@@ -43,7 +42,7 @@ _COVERED = {
 }
 
 
-def certificate(prover: Prover, proved: Proved | ProvedInTime, options: Options) -> str | None:
+def certificate(prover: ContractProver, proved: Proved | ProvedInTime, options: ProofOptions) -> str | None:
     """Return the certificate of a contract that `prover` has just proved.
 
     None if z3 gave up on a query within the limits of `options`.
@@ -88,7 +87,7 @@ class _Part:
     """
 
     def __init__(
-        self, context: ProofContext, contract: str, disturbance: Disturbance | None, options: Options
+        self, context: ProofContext, contract: str, disturbance: Disturbance | None, options: ProofOptions
     ) -> None:
         self.disturbance = disturbance
         self.assumed: list[_Item] = []
@@ -169,7 +168,7 @@ class _Part:
         self, where: str, goal: tuple[_Item, int], hard: list[str], usable: list[tuple[_Item, int]]
     ) -> _Query | None:
         """Return the query that `hard` and some of `usable` imply `goal`; None if z3 does not prove it."""
-        solver = Solver(Budget(self._options), _SHARE)
+        solver = IncrementalSolver(Budget(self._options), _SHARE)
         for name in hard:
             solver.add(*self._definitions[name])
         items = {self._at(*x): x[0] for x in usable}
@@ -177,7 +176,7 @@ class _Part:
             solver.add(z3.Implies(z3.Bool(name), z3.And(*self._definitions[name])))
         name = self._at(*goal)
         solver.add(z3.Not(z3.And(*self._definitions[name])))
-        if solver.check([z3.Bool(x) for x in items]) is not Answer.UNSAT:
+        if solver.check([z3.Bool(x) for x in items]) is not SolverAnswer.UNSAT:
             return None
         core = [x for x in items if x in solver.core()]
         return _Query(where, goal[0], name, (*hard, *core), [items[x] for x in core])

@@ -13,7 +13,7 @@ from colony.ir.program import Contract, Program, Sensor
 from colony.ir.types import Enum, ScalarValue, Value, bearings_of, element_type
 from colony.verify.contracts.results import Trace, expectation
 from colony.verify.contracts.table import NumberText, number_text, seconds
-from colony.verify.sparse import Run, differing, run_angles, sparse
+from colony.verify.snapshot import ElementRun, differing, run_angles, sparse
 
 
 def title(contract: Contract) -> str:
@@ -135,20 +135,20 @@ def _array_assignments(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterat
     )
 
 
-def _scalar_assignment(sensor: Sensor, run: Run | None, value: ScalarValue) -> ast.GivenDecl | None:
+def _scalar_assignment(sensor: Sensor, run: ElementRun | None, value: ScalarValue) -> ast.GivenDecl | None:
     expression = _expression(sensor, value)
     return None if expression is None else _assignment(sensor, run, expression)
 
 
 def _assignment(
-    sensor: Sensor, run: Run | None, value: ast.Expression | ast.Missing | ast.Elements
+    sensor: Sensor, run: ElementRun | None, value: ast.Expression | ast.Missing | ast.Elements
 ) -> ast.GivenDecl:
     first, last = (None, None) if run is None else _place(sensor, run)
     reference = ast.Reference(path=tuple(sensor.name.split(".")))
     return ast.GivenDecl(sensor=reference, index=first, last=last, value=value)
 
 
-def _place(sensor: Sensor, run: Run) -> tuple[ast.Expression, ast.Expression | None]:
+def _place(sensor: Sensor, run: ElementRun) -> tuple[ast.Expression, ast.Expression | None]:
     """Return the index of one element, or the ends of a slice, as angles where these name the elements."""
     bearings = bearings_of(sensor.type)
     if run.first == run.last:
@@ -161,11 +161,11 @@ def _place(sensor: Sensor, run: Run) -> tuple[ast.Expression, ast.Expression | N
 
 
 def _count(number: int) -> ast.Expression:
-    return ast.Number(digits=str(number), unit=None)
+    return ast.NumberNode(digits=str(number), unit=None)
 
 
 def _degrees(angle: str) -> ast.Expression:
-    number = ast.Number(digits=angle.removeprefix("-"), unit="deg")
+    number = ast.NumberNode(digits=angle.removeprefix("-"), unit="deg")
     return ast.Prefix(operator="-", operand=number) if angle.startswith("-") else number
 
 
@@ -181,5 +181,5 @@ def _expression(sensor: Sensor, value: ScalarValue) -> ast.Expression | None:
 
 
 def _number(written: NumberText) -> ast.Expression:
-    number = ast.Number(digits=written.digits, unit=written.unit)
+    number = ast.NumberNode(digits=written.digits, unit=written.unit)
     return ast.Prefix(operator="-", operand=number) if written.negative else number

@@ -21,16 +21,14 @@ from functools import cached_property
 from colony.ir.program import Contract, Program, without_assumed
 from colony.verify.contracts.attempt import Attempt, Proof, ProofContext
 from colony.verify.contracts.candidates import Candidate, for_floats, invariants
-from colony.verify.contracts.concrete_runs import LongRuns
-from colony.verify.contracts.disturbances import Confirmer
-from colony.verify.contracts.explain import explain_unknown
-from colony.verify.contracts.proof_cache import ProofCache
+from colony.verify.contracts.concrete_runs import LongRuns, evaluations
+from colony.verify.contracts.disturbances import Confirmer, explain_unknown
+from colony.verify.contracts.kept import ProofCache
 from colony.verify.contracts.refute import Refuter
-from colony.verify.contracts.replay import evaluations
 from colony.verify.contracts.results import (
     RESOURCES_PER_SECOND,
-    Options,
     OverReals,
+    ProofOptions,
     Proved,
     ProvedInTime,
     Refuted,
@@ -44,7 +42,7 @@ from colony.verify.contracts.solver import Budget, Deadline
 from colony.verify.contracts.whole import whole_numbers
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.generalization import generalize
-from colony.verify.symbolic.system import Claim, Disturbance, Operation, Reason, Shape
+from colony.verify.symbolic.system import ContractFormula, Disturbance, Operation, Reason, Shape
 from colony.verify.symbolic.unrolling import rounding_reasons
 
 _GENERAL_SHARE = 0.25
@@ -59,13 +57,13 @@ _MAX_GUESSES = 300
 _CLOSE_DEPTH = 2
 """Maximum depth in the close system: numbers grow by 51 digits a frame, which z3's resource units ignore."""
 
-OnResult = Callable[["Prover", Result], None]
+OnResult = Callable[["ContractProver", Result], None]
 """A function that receives a result with the prover that has just found it."""
 
 _NONLINEAR = (Operation.PRODUCT, Operation.QUOTIENT)
 
 
-def prove_contracts(program: Program, options: Options | None = None) -> tuple[Result, ...]:
+def prove_contracts(program: Program, options: ProofOptions | None = None) -> tuple[Result, ...]:
     """Return the result of every contract, in the order written."""
     names = [c.name for c in program.contracts]
     return tuple(in_order(program, results(program, names, options)))
@@ -80,7 +78,7 @@ def in_order(program: Program, found: Iterable[Result]) -> list[Result]:
 def results(
     program: Program,
     names: list[str],
-    options: Options | None = None,
+    options: ProofOptions | None = None,
     shapes: dict[str, Shape] | None = None,
     cache: ProofCache | None = None,
     on_result: OnResult | None = None,
@@ -101,7 +99,7 @@ def results(
     known = {} if cache is None else cache.known(asked)
     deadline = Deadline() if deadline is None else deadline
     encoded = slice_of(program, *asked)
-    prover = Prover(program, options or Options(), deadline, shapes=shapes, encoded=encoded)
+    prover = ContractProver(program, options or ProofOptions(), deadline, shapes=shapes, encoded=encoded)
 
     def found(result: Result) -> Result:
         if cache is not None:
@@ -136,7 +134,7 @@ def _is_open(result: Result) -> bool:
     )
 
 
-class Prover:
+class ContractProver:
     """Proves one program's contracts one after the other. Stateful: remembers the contracts proved so far.
 
     `deadline` limits all of the work. `known` are proved shapes of numbers in memory, `long_runs`
@@ -148,7 +146,7 @@ class Prover:
     def __init__(
         self,
         program: Program,
-        options: Options,
+        options: ProofOptions,
         deadline: Deadline | None = None,
         known: Mapping[str, Shape] | None = None,
         long_runs: LongRuns | None = None,
@@ -178,7 +176,7 @@ class Prover:
         return context
 
     @cached_property
-    def _with_whole_numbers(self) -> Prover | None:
+    def _with_whole_numbers(self) -> ContractProver | None:
         """The prover with more numbers known to be whole and bounded; None if there are no more."""
         if self._known is not None or self._deadline.is_over():
             return None
@@ -186,7 +184,7 @@ class Prover:
         found = whole_numbers(self._encoded, self._usual.system, self._options, self._deadline)
         if not found:
             return None
-        return Prover(
+        return ContractProver(
             self._program, self._options, self._deadline, found, self._long_runs, encoded=self._encoded
         )
 
@@ -318,7 +316,12 @@ class Prover:
         )
 
     def _confirm_for_floats(
-        self, contract: Contract, context: ProofContext, proof: Proof, lemmas: list[Claim], refuter: Refuter
+        self,
+        contract: Contract,
+        context: ProofContext,
+        proof: Proof,
+        lemmas: list[ContractFormula],
+        refuter: Refuter,
     ) -> Proved | Refuted:
         """Check whether a proof holds for floats, bit for bit: floats may break what holds for reals."""
         rounding = self._with_lemmas(rounding_reasons([context.claims[contract.name], *lemmas]), lemmas)
@@ -347,7 +350,7 @@ class Prover:
         self._results[contract.name] = result
         return result
 
-    def _with_lemmas(self, rounding: tuple[Reason, ...], lemmas: list[Claim]) -> tuple[Reason, ...]:
+    def _with_lemmas(self, rounding: tuple[Reason, ...], lemmas: list[ContractFormula]) -> tuple[Reason, ...]:
         """Return `rounding`, and the places where the proofs of the lemmas used reals for floats.
 
         Those proofs may be in the precise system, which rounds where the usual one has only bounds.

@@ -12,11 +12,10 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import cached_property
 
 from colony.execute.validity import MAX_TIME_NS
-from colony.ir.frame import Given, Reading
+from colony.ir.frame import OverriddenCommand, Reading
 from colony.ir.program import Program, PythonModule, Sensor
 from colony.ir.types import Array, Bool, Enum, ScalarValue, Value, element_type
-from colony.verify.contracts.concrete_runs import LongRuns, drawn_counterexample
-from colony.verify.contracts.replay import Replay, is_stand_in
+from colony.verify.contracts.concrete_runs import LongRuns, Replay, drawn_counterexample, is_stand_in
 from colony.verify.contracts.results import RESOURCES_PER_SECOND, Trace
 from colony.verify.contracts.search import CandidateTrace, Search
 from colony.verify.contracts.slicing import slice_of
@@ -104,7 +103,7 @@ def _with_one_fewer_late(trace: tuple[Snapshot, ...], i: int) -> Iterator[tuple[
         yield (*trace[:i], frame._replace(given=others), *trace[i + 1 :])
         values = frame.given[actuator].values or ()
         for j in (j for j, x in enumerate(values) if x):
-            simpler = Given((*values[:j], type(values[j])(0), *values[j + 1 :]))
+            simpler = OverriddenCommand((*values[:j], type(values[j])(0), *values[j + 1 :]))
             yield (*trace[:i], frame._replace(given=others | {actuator: simpler}), *trace[i + 1 :])
     for module in sorted(frame.lost):
         yield (*trace[:i], frame._replace(lost=frame.lost - {module}), *trace[i + 1 :])

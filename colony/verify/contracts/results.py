@@ -12,7 +12,7 @@ from colony.ir.frame import Outcome
 from colony.ir.program import Contract, Program
 from colony.text.diagnostics import Diagnostic, error
 from colony.text.wording import counted
-from colony.verify.explain.runs import explain_breach
+from colony.verify.explain.answer import explain_breach
 from colony.verify.explain.text import short
 from colony.verify.snapshot import Snapshot, snapshot_of
 from colony.verify.testing.agreement import reference
@@ -34,7 +34,7 @@ _FRAMES_PER_DEPTH = 6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Options:
+class ProofOptions:
     """The effort for each contract.
 
     Attributes:

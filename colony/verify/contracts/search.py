@@ -15,9 +15,9 @@ from typing import NamedTuple, cast
 import z3
 
 from colony.verify.contracts.slicing import facts, within
-from colony.verify.contracts.solver import Answer, Budget, Solver
+from colony.verify.contracts.solver import Budget, IncrementalSolver, SolverAnswer
 from colony.verify.symbolic.logic import real
-from colony.verify.symbolic.system import Claim, Number, System
+from colony.verify.symbolic.system import ContractFormula, ExtendedReal, System
 from colony.verify.symbolic.unrolling import Cone, Unrolling
 
 _REGULAR = z3.Bool("frames a period apart")
@@ -42,7 +42,9 @@ class Search:
     `last_cost` is the cost of the last length that was searched, in z3's resource units.
     """
 
-    def __init__(self, cone: Cone, claim: Claim, budget: Budget, lemmas: Sequence[z3.BoolRef] = ()) -> None:
+    def __init__(
+        self, cone: Cone, claim: ContractFormula, budget: Budget, lemmas: Sequence[z3.BoolRef] = ()
+    ) -> None:
         self.frames = Unrolling(cone.system, cone)
         self.safe_length = 0
         self.last_cost = 0
@@ -52,7 +54,7 @@ class Search:
         self._claim = claim
         self._lemmas = lemmas
         self._budget = budget
-        self._solver = Solver(budget)
+        self._solver = IncrementalSolver(budget)
         self._solver.add(*self.frames.initial())
         self._python = [cone.system.modules[m].silent for m in called_modules(cone)]
 
@@ -92,10 +94,10 @@ class Search:
     def _models(self, assumed: list[z3.BoolRef], last: int) -> Iterator[CandidateTrace]:
         while True:
             answer = self._solver.check(assumed)
-            if answer is Answer.UNSAT:
+            if answer is SolverAnswer.UNSAT:
                 return
             self._all_safe = False
-            if answer is Answer.GAVE_UP:
+            if answer is SolverAnswer.GAVE_UP:
                 return
             model = self._solver.model()
             yield CandidateTrace(model, last + 1, not self._python or _WITHOUT_PYTHON in assumed)
@@ -143,10 +145,10 @@ def called_modules(cone: Cone) -> tuple[str, ...]:
 
 
 def _differs(
-    scalar: Number | z3.BoolRef, model: z3.ModelRef, frames: Unrolling, frame: int
+    scalar: ExtendedReal | z3.BoolRef, model: z3.ModelRef, frames: Unrolling, frame: int
 ) -> list[z3.BoolRef]:
     """Return the condition that a value is more than a hundredth off a model's; none outside the cone."""
-    term = scalar.value if isinstance(scalar, Number) else scalar
+    term = scalar.value if isinstance(scalar, ExtendedReal) else scalar
     if not within(frames.cone, term):
         return []
     constant = frames.at(frame, term)
@@ -181,31 +183,31 @@ class SingleFrames:
     def __init__(self, system: System) -> None:
         self._system = system
         self._cells = {c.old.get_id(): c for c in system.cells}
-        self._solver = Solver()
+        self._solver = IncrementalSolver()
         self._is_first = z3.Bool("first frame of a run")
         self._added = set[int]()
         self._add([system.now, system.begun, system.last])
 
-    def breaks_first(self, claim: Claim, budget: Budget) -> tuple[Answer, z3.ModelRef | None]:
+    def breaks_first(self, claim: ContractFormula, budget: Budget) -> tuple[SolverAnswer, z3.ModelRef | None]:
         """Return whether the first frame of a run may break a claim, with a model if it may."""
         with self._broken(claim, budget, 1.0):
             answer = self._solver.check([self._is_first])
-            return answer, self._solver.model() if answer is Answer.SAT else None
+            return answer, self._solver.model() if answer is SolverAnswer.SAT else None
 
     def breaks(
-        self, claim: Claim, known: Sequence[KnownCondition], budget: Budget, share: float = 1.0
-    ) -> tuple[Answer, tuple[str, ...]]:
+        self, claim: ContractFormula, known: Sequence[KnownCondition], budget: Budget, share: float = 1.0
+    ) -> tuple[SolverAnswer, tuple[str, ...]]:
         """Return whether a frame may break a claim; if none may, with those of `known` that show it."""
         switches = [z3.Bool(f"known {i}") for i in range(len(known))]
         self._add(k.formula for k in known)
         with self._broken(claim, budget, share):
             self._solver.add(*(z3.Implies(s, k.formula) for s, k in zip(switches, known, strict=True)))
             answer = self._solver.check(switches)
-            core = self._solver.core() if answer is Answer.UNSAT else frozenset()
+            core = self._solver.core() if answer is SolverAnswer.UNSAT else frozenset()
         return answer, tuple(k.text for k, s in zip(known, switches, strict=True) if str(s) in core)
 
     @contextmanager
-    def _broken(self, claim: Claim, budget: Budget, share: float) -> Iterator[None]:
+    def _broken(self, claim: ContractFormula, budget: Budget, share: float) -> Iterator[None]:
         """Assume that a claim is broken."""
         self._add([claim.holds])
         self._solver.use(budget, share)
@@ -241,19 +243,21 @@ class SingleFrames:
 # The memory before the first of these frames is arbitrary, within the invariants.
 
 
-class Induction:
+class ContractInduction:
     """The inductive step for a contract, for k = 1, 2, ... Stateful: each k adds a frame.
 
     `known` are conditions that hold in every frame: invariants, and contracts proved earlier.
     """
 
-    def __init__(self, cone: Cone, claim: Claim, known: Sequence[KnownCondition], budget: Budget) -> None:
+    def __init__(
+        self, cone: Cone, claim: ContractFormula, known: Sequence[KnownCondition], budget: Budget
+    ) -> None:
         self._frames = Unrolling(cone.system, cone)
         self._facts = facts(cone)
         self._claim = claim
         self._known = known
         self._switches = _switches(known)
-        self._solver = Solver(budget)
+        self._solver = IncrementalSolver(budget)
         self._last = 0
         self._extend()
 
@@ -266,7 +270,7 @@ class Induction:
         goal = z3.Bool(f"broken {self._last}")
         broken = z3.Not(self._frames.at(self._last, self._claim.holds))
         self._solver.add(z3.Implies(goal, broken))
-        if self._solver.check([goal, *self._switches]) is not Answer.UNSAT:
+        if self._solver.check([goal, *self._switches]) is not SolverAnswer.UNSAT:
             return None
         return _used(self._solver, self._known, self._switches)
 
@@ -282,6 +286,8 @@ def _switches(known: Sequence[KnownCondition]) -> list[z3.BoolRef]:
     return [z3.Bool(f"known {i}") for i in range(len(known))]
 
 
-def _used(solver: Solver, known: Sequence[KnownCondition], switches: Sequence[z3.BoolRef]) -> tuple[str, ...]:
+def _used(
+    solver: IncrementalSolver, known: Sequence[KnownCondition], switches: Sequence[z3.BoolRef]
+) -> tuple[str, ...]:
     core = solver.core()
     return tuple(k.text for k, s in zip(known, switches, strict=True) if str(s) in core)

@@ -15,7 +15,7 @@ from colony.ir import expression as ir
 from colony.ir.program import Chain, Contract, Module, Program, Wiring
 from colony.ir.walk import expressions_of, expressions_of_derived
 from colony.verify.symbolic import unrolling
-from colony.verify.symbolic.system import Claim, Number, Scalar, System
+from colony.verify.symbolic.system import ContractFormula, ExtendedReal, Scalar, System
 from colony.verify.symbolic.unrolling import Cone
 
 # --- cone ---------------------------------------------------------------------------------------------
@@ -26,7 +26,7 @@ from colony.verify.symbolic.unrolling import Cone
 # value, whatever the values of the others, and sensors are independent of each other.
 
 
-def cone_of(system: System, *claims: Claim) -> Cone:
+def cone_of(system: System, *claims: ContractFormula) -> Cone:
     """Return the cone of contracts; time is in every cone."""
     return unrolling.cone(system, [*(c.holds for c in claims), system.now, system.begun, system.last])
 
@@ -48,7 +48,7 @@ def facts(cone: Cone) -> z3.BoolRef:
 
 def formulas_of(scalar: Scalar) -> tuple[z3.ExprRef, ...]:
     """Return the formulas that make up a value."""
-    if isinstance(scalar, Number):
+    if isinstance(scalar, ExtendedReal):
         return (scalar.value, scalar.nan, scalar.infinite)
     return (scalar,)
 
@@ -76,18 +76,18 @@ def slice_of(program: Program, *contracts: Contract) -> Program:
     )
 
 
-class Needs(NamedTuple):
+class SliceNeeds(NamedTuple):
     """Names in both name spaces: of sensors and derived values, and of modules, wires and actuators."""
 
     values: frozenset[str]
     parts: frozenset[str]
 
-    def covers(self, other: Needs) -> bool:
+    def covers(self, other: SliceNeeds) -> bool:
         """Return True if all that `other` names is among these names."""
         return other.values <= self.values and other.parts <= self.parts
 
 
-def needs_of_slices(program: Program) -> dict[str, Needs]:
+def needs_of_slices(program: Program) -> dict[str, SliceNeeds]:
     """Return, by contract, the names of all that its slice declares."""
     dependencies = _Dependencies(program)
     return {c.name: dependencies.behind([c.expression]) for c in program.contracts}
@@ -108,10 +108,10 @@ class _Dependencies:
         }
         self._wirings = {w.actuator or w.name: w.wiring for w in program.wires}
         self._limits = program.limits
-        self._behind_value: dict[str, Needs] = {}
-        self._behind_part: dict[str, Needs] = {}
+        self._behind_value: dict[str, SliceNeeds] = {}
+        self._behind_part: dict[str, SliceNeeds] = {}
 
-    def behind(self, expressions: Iterable[ir.Expression]) -> Needs:
+    def behind(self, expressions: Iterable[ir.Expression]) -> SliceNeeds:
         """Return all that expressions depend on."""
         values, parts = set[str](), set[str]()
         pending = [self._of(expressions)]
@@ -121,9 +121,9 @@ class _Dependencies:
             pending += [self._of_part(name) for name in found.parts - parts]
             values |= found.values
             parts |= found.parts
-        return Needs(frozenset(values), frozenset(parts))
+        return SliceNeeds(frozenset(values), frozenset(parts))
 
-    def _of(self, expressions: Iterable[ir.Expression], *more: str | None) -> Needs:
+    def _of(self, expressions: Iterable[ir.Expression], *more: str | None) -> SliceNeeds:
         """Return what expressions name, besides `more` parts."""
         values, parts = set[str](), {name for name in more if name is not None}
         for expression in expressions:
@@ -146,9 +146,9 @@ class _Dependencies:
                         parts.add(name)
                     case _:
                         pass
-        return Needs(frozenset(values), frozenset(parts))
+        return SliceNeeds(frozenset(values), frozenset(parts))
 
-    def _of_value(self, name: str) -> Needs:
+    def _of_value(self, name: str) -> SliceNeeds:
         """Return what a sensor or derived value is computed from."""
         if name not in self._behind_value:
             self._behind_value[name] = (
@@ -158,13 +158,13 @@ class _Dependencies:
             )
         return self._behind_value[name]
 
-    def _of_part(self, name: str) -> Needs:
+    def _of_part(self, name: str) -> SliceNeeds:
         """Return what a module, wire or actuator is computed from."""
         if name not in self._behind_part:
             self._behind_part[name] = self._compute(name)
         return self._behind_part[name]
 
-    def _compute(self, name: str) -> Needs:
+    def _compute(self, name: str) -> SliceNeeds:
         if name in self._modules:
             module = self._modules[name]
             return self._of(expressions_of(module), module.actuator)

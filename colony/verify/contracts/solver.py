@@ -8,11 +8,11 @@ from enum import Enum, auto, unique
 
 import z3
 
-from colony.verify.contracts.results import Options
+from colony.verify.contracts.results import ProofOptions
 
 
 @unique
-class Answer(Enum):
+class SolverAnswer(Enum):
     """The answer of z3: there is a model, there is none, or it gave up."""
 
     SAT = auto()
@@ -79,7 +79,7 @@ class Budget:
     `deadline` limits several budgets together.
     """
 
-    def __init__(self, options: Options, deadline: Deadline | None = None, share: float = 1.0) -> None:
+    def __init__(self, options: ProofOptions, deadline: Deadline | None = None, share: float = 1.0) -> None:
         self.options = options
         self.deadline = Deadline() if deadline is None else deadline
         self._resources = int(options.resources * share)
@@ -118,7 +118,7 @@ class Budget:
         return over
 
 
-class Solver:
+class IncrementalSolver:
     """An incremental z3 solver within a budget, which must be set before a query. Mutable."""
 
     def __init__(self, budget: Budget | None = None, share: float = 1.0) -> None:
@@ -145,14 +145,14 @@ class Solver:
         """Drop the formulas of the current level."""
         self._z3.pop()
 
-    def check(self, assumed: Sequence[z3.BoolRef] = ()) -> Answer:
+    def check(self, assumed: Sequence[z3.BoolRef] = ()) -> SolverAnswer:
         """Ask z3 for a model of all formulas that were added or are `assumed`.
 
         Raises:
             KeyboardInterrupt: Ctrl-C was pressed while z3 was at work.
         """
         if self._budget.is_spent():
-            return Answer.GAVE_UP
+            return SolverAnswer.GAVE_UP
         self._query_limit = self._budget.limited(self._full_limit)
         self._z3.set("rlimit", self._query_limit)
         before = _resources_used(self._z3)
@@ -160,13 +160,13 @@ class Solver:
         used = _resources_used(self._z3) - before
         self._budget.charge(used)
         if result == z3.sat:
-            return Answer.SAT
+            return SolverAnswer.SAT
         if result == z3.unsat:
-            return Answer.UNSAT
+            return SolverAnswer.UNSAT
         if self._interrupted(used):
             raise KeyboardInterrupt
         self._budget.gave_up = True
-        return Answer.GAVE_UP
+        return SolverAnswer.GAVE_UP
 
     def _interrupted(self, used: int) -> bool:
         """Return True if a query was ended by Ctrl-C, not by its difficulty or a limit.

@@ -9,14 +9,13 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import NamedTuple
 
-from colony.ir.frame import Decision, Given, Record
-from colony.ir.in_time import actuators_named
+from colony.ir.frame import Decision, FrameEvent, OverriddenCommand
 from colony.ir.program import Actuator, Contract, Program, Sensor, in_declared_units
 from colony.ir.types import Bool, Enum, Quantity, Scalar, ScalarValue, Value, element_type
+from colony.ir.walk import actuators_named
 from colony.text.units import BASE_UNITS, parse_unit
 from colony.verify.contracts.results import Trace
-from colony.verify.snapshot import Snapshot
-from colony.verify.sparse import sparse_text
+from colony.verify.snapshot import Snapshot, sparse_text
 
 # --- decimals -----------------------------------------------------------------------------------------
 #
@@ -255,7 +254,10 @@ def _value_text(value: ScalarValue, type_: Scalar, number: str) -> str:
 
 
 def decision_text(
-    actuator: Actuator, decision: Decision, given: Given | None = None, records: Sequence[Record] = ()
+    actuator: Actuator,
+    decision: Decision,
+    given: OverriddenCommand | None = None,
+    records: Sequence[FrameEvent] = (),
 ) -> str:
     """Return a decision as text: `by avoid: velocity = 150 mm/s, turn = 45 deg/s`.
 

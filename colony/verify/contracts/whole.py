@@ -24,13 +24,13 @@ from colony.verify.contracts.candidates import (
     numeral,
     numerals,
 )
-from colony.verify.contracts.results import Options
+from colony.verify.contracts.results import ProofOptions
 from colony.verify.contracts.slicing import cone_of
 from colony.verify.contracts.solver import Budget, Deadline
 from colony.verify.symbolic import unrolling
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.numbers import EXACT_WHOLE, finite
-from colony.verify.symbolic.system import Bounds, Cell, Claim, Shape, System
+from colony.verify.symbolic.system import ContractFormula, NumberBounds, Shape, SymbolicCell, System
 from colony.verify.symbolic.unrolling import rounding_reasons
 
 _MAX_BOUNDS = 24
@@ -44,11 +44,11 @@ _MAX_GUESSES = 100
 _SHARE = 0.05
 """Share of a contract's budget for each cell."""
 
-_GUESS = Shape(nan=False, infinite=False, bounds=Bounds(-EXACT_WHOLE / 2, EXACT_WHOLE / 2, whole=True))
+_GUESS = Shape(nan=False, infinite=False, bounds=NumberBounds(-EXACT_WHOLE / 2, EXACT_WHOLE / 2, whole=True))
 
 
 def whole_numbers(
-    program: Program, system: System, options: Options, deadline: Deadline | None
+    program: Program, system: System, options: ProofOptions, deadline: Deadline | None
 ) -> dict[str, Shape]:
     """Return proved shapes of cells that stay whole and bounded, which `system`, of `program`, does not know.
 
@@ -87,7 +87,7 @@ def _is_small(shape: Shape) -> bool:
 
 
 def _proved(
-    system: System, names: Collection[str], options: Options, deadline: Deadline | None
+    system: System, names: Collection[str], options: ProofOptions, deadline: Deadline | None
 ) -> dict[str, Shape]:
     """Return the shapes of the cells that are proved to stay whole and bounded, given all of `names`."""
     found = {}
@@ -99,13 +99,13 @@ def _proved(
     return found
 
 
-def _bounds(system: System, cell: Cell, budget: Budget) -> Bounds | None:
+def _bounds(system: System, cell: SymbolicCell, budget: Budget) -> NumberBounds | None:
     """Return proved bounds of a cell; None if there are none, or the cell may become infinite or NaN."""
     written = system.written[cell.name]
     cone = unrolling.cone(system, [cell.old, finite(written), system.now, system.begun, system.last])
     low = {**_grown(cell, system, above=False), **_tried(cell, above=False)}
     high = {**_grown(cell, system, above=True), **_tried(cell, above=True)}
-    stays_finite = Claim(name=cell.name, holds=finite(written))
+    stays_finite = ContractFormula(name=cell.name, holds=finite(written))
     guesses = [*low.values(), *high.values(), *candidates(cone, ())][:_MAX_GUESSES]
     found: Invariants = invariants(cone, guesses, [stays_finite], (), budget)
     if not found.claims:
@@ -113,10 +113,10 @@ def _bounds(system: System, cell: Cell, budget: Budget) -> Bounds | None:
     kept = {c.formula.get_id() for c in found.conditions}
     lows = [value for value, guess in low.items() if guess.formula.get_id() in kept]
     highs = [value for value, guess in high.items() if guess.formula.get_id() in kept]
-    return Bounds(max(lows), min(highs), whole=True) if lows and highs else None
+    return NumberBounds(max(lows), min(highs), whole=True) if lows and highs else None
 
 
-def _tried(cell: Cell, *, above: bool) -> Mapping[Fraction, Candidate]:
+def _tried(cell: SymbolicCell, *, above: bool) -> Mapping[Fraction, Candidate]:
     """Return guesses of a bound that the initial value keeps, by the bound."""
     initial, old = numeral(cell.initial), cell.old
     found = {}
@@ -128,7 +128,7 @@ def _tried(cell: Cell, *, above: bool) -> Mapping[Fraction, Candidate]:
     return found
 
 
-def _grown(cell: Cell, system: System, *, above: bool) -> Mapping[Fraction, Candidate]:
+def _grown(cell: SymbolicCell, system: System, *, above: bool) -> Mapping[Fraction, Candidate]:
     """Return guesses that a cell moves by at most a constant a frame, by the bound in the longest run.
 
     Only frames that come no sooner than a robot says are few enough.
@@ -146,12 +146,12 @@ def _grown(cell: Cell, system: System, *, above: bool) -> Mapping[Fraction, Cand
     return found
 
 
-def _constants(cell: Cell) -> Iterator[Fraction]:
+def _constants(cell: SymbolicCell) -> Iterator[Fraction]:
     """Yield whole numbers that may bound a cell: those in its formula, and their neighbors."""
     for value in _whole_constants(cell)[:_MAX_BOUNDS]:
         yield from (value - 1, value, value + 1)
 
 
-def _whole_constants(cell: Cell) -> list[Fraction]:
+def _whole_constants(cell: SymbolicCell) -> list[Fraction]:
     values: Sequence[Fraction] = numerals([cell.next, cell.initial])
     return [v for v in values if v.denominator == 1 and abs(v) <= EXACT_WHOLE / 2]

@@ -16,10 +16,10 @@ from colony.ir.program import Actuator, Contract, Program
 from colony.ir.types import BOOL
 from colony.verify.claims import TRUE, all_of, any_of, binary, implies, won
 from colony.verify.contracts.attempt import ProofContext
-from colony.verify.contracts.prove import Prover
+from colony.verify.contracts.concrete_runs import Replay
+from colony.verify.contracts.prove import ContractProver
 from colony.verify.contracts.refute import Refuter
-from colony.verify.contracts.replay import Replay
-from colony.verify.contracts.results import Options, Proved, Refuted, Trace, Unknown
+from colony.verify.contracts.results import ProofOptions, Proved, Refuted, Trace, Unknown
 from colony.verify.contracts.search import Search, called_modules
 from colony.verify.contracts.solver import Budget
 from colony.verify.difference.matching import (
@@ -31,7 +31,7 @@ from colony.verify.difference.matching import (
     pairs,
 )
 from colony.verify.difference.product import B_SUFFIX, Product, product
-from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
+from colony.verify.difference.results import DifferenceUndecided, Different, Matching, Result, Same
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.encode import encode
 
@@ -40,7 +40,7 @@ from colony.verify.symbolic.encode import encode
 # Search for a run that breaks a claim and is shorter than a known one.
 
 
-def shortest_trace(program: Program, contract: str, known_trace: Trace, options: Options) -> Trace:
+def shortest_trace(program: Program, contract: str, known_trace: Trace, options: ProofOptions) -> Trace:
     """Return a run that breaks the contract: a shorter one than `known_trace` if one is found in budget."""
     if len(known_trace.snapshots) == 1:
         return known_trace
@@ -69,7 +69,7 @@ def difference(
     b: Program,
     ignore: Iterable[str] = (),
     actuators: Sequence[tuple[str, str]] = (),
-    options: Options | None = None,
+    options: ProofOptions | None = None,
 ) -> Result:
     """Compare what `a` and `b` send in every frame, for all sensor readings at all times.
 
@@ -91,9 +91,9 @@ def difference(
     program = replace(combined.program, contracts=(contract,))
     trace = Refuter(program, _SAME).search_runs()
     if trace is not None:
-        trace = shortest_trace(program, _SAME, trace, options or Options())
+        trace = shortest_trace(program, _SAME, trace, options or ProofOptions())
         return _different(a, b, combined, compared, trace, modules_matched)
-    match Prover(program, options or Options()).prove(contract):
+    match ContractProver(program, options or ProofOptions()).prove(contract):
         case Proved(k=k, over_reals=over_reals):
             exact = _differ_only_in_wiring(compared, combined)
             return Same(
@@ -194,7 +194,7 @@ def _different(
     differing = tuple((p.a.name, p.b.name) for p in compared if _sends_differently(p, by_a[-1], by_b[-1]))
     if not differing:
         because = ("the run that was found shows no difference when each behavior is run alone",)
-        return Undecided(
+        return DifferenceUndecided(
             matching=modules_matched, because=because, hint="this is a defect of `colony`: report it"
         )
     return Different(
@@ -222,14 +222,14 @@ def _sends_differently(pair: Pair, a: Outcome, b: Outcome) -> bool:
     return any(values_a[i] != values_b[i] for i in pair.field_indices)
 
 
-def _undecided(unknown: Unknown, modules_matched: Matching) -> Undecided:
+def _undecided(unknown: Unknown, modules_matched: Matching) -> DifferenceUndecided:
     because = unknown.because
     if unknown.trace is not None:
         because = (
             "they differ if modules in Python answer differently, and those that differ may answer anything",
             *because[1:],
         )
-    return Undecided(matching=modules_matched, because=because, hint=_HINT)
+    return DifferenceUndecided(matching=modules_matched, because=because, hint=_HINT)
 
 
 _HINT = (

@@ -43,7 +43,7 @@ Values = tuple[int, ...]
 """The contents of an expression's elements; a single one for a scalar."""
 
 
-class Table:
+class ContentTable:
     """Numbers for contents. Mutable; shared by all programs that are compared.
 
     Equal numbers stand for equal values in every frame, bit for bit.
@@ -133,7 +133,7 @@ Needs = frozenset[str]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scope:
+class ContentScope:
     """The context of an expression.
 
     Attributes:
@@ -148,7 +148,7 @@ class Scope:
 class Contents:
     """The contents of one program's declarations. Mutable: `refine` separates the colors of states."""
 
-    def __init__(self, program: Program, table: Table) -> None:
+    def __init__(self, program: Program, table: ContentTable) -> None:
         self._table = table
         self._sensors = {s.name: s for s in program.robot.sensors}
         self._lets: dict[str, Let] = {}
@@ -267,15 +267,15 @@ class Contents:
         By default, these are those in which nothing that it reads is missing.
         """
         ready = self.needed_sensors(e) if needs is None else needs
-        return self._table.number("expression", ready, self._values(e, Scope(ready=ready)))
+        return self._table.number("expression", ready, self._values(e, ContentScope(ready=ready)))
 
     # --- expressions -----------------------------------------------------------------------------
 
-    def _value(self, e: ir.Expression, scope: Scope) -> int:
+    def _value(self, e: ir.Expression, scope: ContentScope) -> int:
         (value,) = self._values(e, scope)
         return value
 
-    def _values(self, e: ir.Expression, scope: Scope) -> Values:
+    def _values(self, e: ir.Expression, scope: ContentScope) -> Values:
         """Return the contents of the elements of an expression."""
         table = self._table
         match e:
@@ -293,7 +293,7 @@ class Contents:
                 return self._array_access(e, scope)
             case ir.ValueOr():
                 return self._value_or(e, scope)
-            case ir.Call():
+            case ir.FunctionCall():
                 return self._call(e, scope)
             case ir.Reduce():
                 return (self._reduce(e, scope),)
@@ -303,7 +303,7 @@ class Contents:
             case _:
                 return self._leaf(e, scope)
 
-    def _leaf(self, e: ir.Expression, scope: Scope) -> Values:
+    def _leaf(self, e: ir.Expression, scope: ContentScope) -> Values:
         table = self._table
         match e:
             case ir.Constant(value=value):
@@ -319,7 +319,7 @@ class Contents:
             case ir.Fresh(name=name, derived=derived):
                 needs = self.needed_sensors(self._lets[name].expression) if derived else frozenset((name,))
                 return (table.number("fresh", needs),)
-            case ir.Now() | ir.Restarted():
+            case ir.Now() | ir.RestartedFlag():
                 return (table.number(type(e).__name__),)
             case _:
                 raise AssertionError(f"{type(e).__name__} stands only in contracts")
@@ -328,10 +328,10 @@ class Contents:
         if name not in self._let_values:
             expression, module = self._lets[name].expression, self._module_of.get(name)
             ready = self.needed_sensors(expression) if module is None else self.needs(module)
-            self._let_values[name] = self._values(expression, Scope(ready=ready))
+            self._let_values[name] = self._values(expression, ContentScope(ready=ready))
         return self._let_values[name]
 
-    def _value_or(self, e: ir.ValueOr, scope: Scope) -> Values:
+    def _value_or(self, e: ir.ValueOr, scope: ContentScope) -> Values:
         table, needs = self._table, self.needed_sensors(e.expression)
         inner, is_inside = replace(scope, ready=scope.ready | needs), True
         values, others = self._values(e.expression, inner), self._values(e.other, scope)
@@ -346,7 +346,7 @@ class Contents:
             return _each(lambda value, _: value, values, others)
         return _each(partial(table.number, "value or", needs, is_inside), values, others)
 
-    def _array_access(self, e: ir.Element | ir.Slice | ir.Window | ir.Nearest, scope: Scope) -> Values:
+    def _array_access(self, e: ir.Element | ir.Slice | ir.Window | ir.Nearest, scope: ContentScope) -> Values:
         table = self._table
         match e:
             case ir.Nearest(bearings=bearings, angle=angle):
@@ -365,7 +365,7 @@ class Contents:
                 content = table.number("window", e.reach, e.wraps, self._value(center, scope), whole)
                 return tuple(table.number("in window", content, i) for i in range(2 * e.reach + 1))
 
-    def _call(self, e: ir.Call, scope: Scope) -> Values:
+    def _call(self, e: ir.FunctionCall, scope: ContentScope) -> Values:
         table = self._table
         arguments = [self._values(x, scope) for x in e.arguments]
         if e.function in ir.REDUCTIONS:
@@ -377,7 +377,7 @@ class Contents:
             return (table.number(e.function, values, tuple(indices), is_window),)
         return _each(partial(table.call, e.function), *arguments)
 
-    def _reduce(self, e: ir.Reduce, scope: Scope) -> int:
+    def _reduce(self, e: ir.Reduce, scope: ContentScope) -> int:
         arrays = {name: self._values(array, scope) for name, array in e.arrays}
         rounds = []
         for k in range(e.low, e.high + 1):
@@ -414,7 +414,7 @@ class Contents:
 
 def contents(a: Program, b: Program) -> tuple[Contents, Contents]:
     """Return the contents of two programs, with numbers that can be compared."""
-    table = Table()
+    table = ContentTable()
     pair = Contents(a, table), Contents(b, table)
     classes = 0
     while len(pair[0].colors() | pair[1].colors()) > classes:

@@ -11,8 +11,7 @@ from colony.dsl.parse import parse
 from colony.ir.program import Actuator, Program, Sensor
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error
 from colony.text.source import NOWHERE, Span
-from colony.text.suggestions import did_you_mean
-from colony.text.wording import duration_text, one_line
+from colony.text.wording import did_you_mean, duration_text, one_line
 from colony.verify.difference.content import contents
 from colony.verify.difference.results import Matching
 

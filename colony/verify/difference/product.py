@@ -14,7 +14,6 @@ from typing import assert_never
 from colony.ir import expression as ir
 from colony.ir.program import (
     AnyModule,
-    Command,
     Derived,
     Let,
     Limit,
@@ -24,11 +23,11 @@ from colony.ir.program import (
     PythonModule,
     Robot,
     State,
+    TransferFunction,
     Use,
     Wire,
 )
-from colony.ir.walk import all_subexpressions
-from colony.ir.wiring import WiringNode, wiring_graph
+from colony.ir.walk import WiringNode, all_subexpressions, wiring_graph
 from colony.verify.difference.content import Contents, contents
 
 # --- rewriting ----------------------------------------------------------------------------------------
@@ -236,11 +235,13 @@ def _module(module: AnyModule, rename: Rename, suffix: str, shift: int) -> AnyMo
             assert_never(module)
 
 
-def _command(command: Command | None, rename: Rename, suffix: str, shift: int) -> Command | None:
+def _command(
+    command: TransferFunction | None, rename: Rename, suffix: str, shift: int
+) -> TransferFunction | None:
     if command is None:
         return None
     fields = tuple(rewrite_expression(e, rename, shift) for e in command.fields)
-    return Command(actuator=command.actuator + suffix, fields=fields)
+    return TransferFunction(actuator=command.actuator + suffix, fields=fields)
 
 
 def _limit(limit: Limit, actuator: str, rename: Rename, shift: int) -> Limit:

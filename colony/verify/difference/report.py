@@ -9,7 +9,7 @@ from colony.ir.frame import Outcome
 from colony.ir.program import Program
 from colony.verify.contracts.report import frame_row, locations, outcome_row, reason_text
 from colony.verify.contracts.table import aligned, decision_text, missing_lines, reading_cell, seconds
-from colony.verify.difference.results import Different, Matching, Result, Same, Undecided
+from colony.verify.difference.results import DifferenceUndecided, Different, Matching, Result, Same
 
 
 def lines(a: Program, b: Program, result: Result) -> Iterator[str]:
@@ -27,7 +27,7 @@ def lines(a: Program, b: Program, result: Result) -> Iterator[str]:
             count = "one frame" if len(snapshots) == 1 else f"{len(snapshots)} frames"
             yield f"DIFFERENT: shown by a run of {count}"
             yield from (f"  {line}" for line in _table(a, b, result))
-        case Undecided(because=because, hint=hint):
+        case DifferenceUndecided(because=because, hint=hint):
             yield "undecided"
             yield from (f"  {line}" for line in because)
             yield f"  hint: {hint}"
@@ -107,7 +107,7 @@ def row(a: Program, b: Program, result: Result) -> dict[str, object]:
                 "needed_missing": list(result.needed_missing),
                 "could_change": list(result.could_change),
             }
-        case Undecided(because=because, hint=hint):
+        case DifferenceUndecided(because=because, hint=hint):
             fields |= {"because": list(because), "hint": hint}
         case _:
             assert_never(result)
@@ -128,7 +128,7 @@ def verdict(result: Result) -> str:
             return "same"
         case Different():
             return "different"
-        case Undecided():
+        case DifferenceUndecided():
             return "undecided"
         case _:
             assert_never(result)

@@ -63,7 +63,7 @@ class Different:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Undecided:
+class DifferenceUndecided:
     """Neither equality nor a difference was shown; `because` lists reasons, `hint` suggests a remedy."""
 
     matching: Matching
@@ -71,4 +71,4 @@ class Undecided:
     hint: str
 
 
-Result = Same | Different | Undecided
+Result = Same | Different | DifferenceUndecided

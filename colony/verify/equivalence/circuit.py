@@ -31,7 +31,7 @@ class Activity:
 
 
 @dataclass(frozen=True, slots=True)
-class History:
+class HeldInput:
     """An input: `operand` (a literal) held in an earlier frame less than `window_ns` ago. Free."""
 
     operand: int
@@ -45,7 +45,7 @@ class Opaque:
     text: str
 
 
-Input = Activity | History | Opaque
+Input = Activity | HeldInput | Opaque
 
 
 class Circuit:

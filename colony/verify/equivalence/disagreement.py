@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 
-from colony.verify.equivalence.circuit import Activity, Circuit, History
+from colony.verify.equivalence.circuit import Activity, Circuit, HeldInput
 from colony.verify.equivalence.network import NetworkFormulas
-from colony.verify.equivalence.results import Activation, Counterexample, Recent, Undecided
-from colony.verify.equivalence.solver import Clause, Refuted, Satisfied, Solver
+from colony.verify.equivalence.results import Activation, Counterexample, EquivalenceUndecided, Recent
+from colony.verify.equivalence.solver import CircuitSolver, Clause, Satisfied, Unsatisfiable
 
 Values = Callable[[int], bool]
 """The value of a literal."""
@@ -42,15 +42,15 @@ def minimal_inputs(
 
 
 def decide_clauses(
-    solver: Solver,
+    solver: CircuitSolver,
     clauses: Sequence[Clause],
-    undecided: Undecided,
+    undecided: EquivalenceUndecided,
     describe: Callable[[frozenset[int]], Counterexample],
-) -> Counterexample | Undecided | None:
+) -> Counterexample | EquivalenceUndecided | None:
     """Return `describe` of a minimal solution of the clauses; None if they have no solution."""
     answer = solver.decide(clauses)
     match answer:
-        case Refuted():
+        case Unsatisfiable():
             return None
         case Satisfied(inputs=inputs):
             return describe(minimal_inputs(solver.circuit, inputs, lambda values: holds(clauses, values)))
@@ -62,7 +62,7 @@ def nested_histories(circuit: Circuit) -> Iterator[Clause]:
     """Yield clauses true in every frame: active within a window implies active within a longer one."""
     by_operand: dict[int, list[tuple[int, int]]] = {}
     for input_, literal in circuit.inputs.items():
-        if isinstance(input_, History):
+        if isinstance(input_, HeldInput):
             by_operand.setdefault(input_.operand, []).append((input_.window_ns, literal))
     for histories in by_operand.values():
         histories.sort()
@@ -85,7 +85,7 @@ def frame_of(circuit: Circuit, inputs: frozenset[int], source: NetworkFormulas) 
     ended: dict[int, list[int]] = {}
     running: dict[int, list[int]] = {}
     for input_, literal in circuit.inputs.items():
-        if isinstance(input_, History):
+        if isinstance(input_, HeldInput):
             windows_by_operand = running if literal >> 1 in inputs else ended
             windows_by_operand.setdefault(input_.operand, []).append(input_.window_ns)
     names = _Names(source)

@@ -24,13 +24,13 @@ from colony.verify.equivalence.formula_index import FormulaIndex
 from colony.verify.equivalence.results import (
     Activation,
     Counterexample,
-    Proved,
+    EquivalenceProved,
+    EquivalenceUndecided,
     Recent,
-    Undecided,
     WrongWinner,
     merge_results,
 )
-from colony.verify.equivalence.solver import NEAR_LIMITS, Clause, Solver, differ
+from colony.verify.equivalence.solver import NEAR_LIMITS, CircuitSolver, Clause, differ
 from colony.verify.equivalence.table import ClientFormulas, encode_list
 
 _ACTIVE = "active: "
@@ -50,7 +50,7 @@ class Timer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Winner:
+class WinnerFormulas:
     """The formulas by which a module wins: by priority and, if the form has exclusive guards, by its own."""
 
     module: str
@@ -64,7 +64,7 @@ class Form:
 
     name: str
     circuit: Circuit
-    winners: Mapping[str, tuple[Winner, ...]]
+    winners: Mapping[str, tuple[WinnerFormulas, ...]]
     timers: tuple[Timer, ...]
     activity: Mapping[str, int]
 
@@ -88,7 +88,7 @@ def module_of(contract: str) -> str | None:
 
 def prove_form(
     read_form: Callable[[TimerClasses], Form], clients: ClientList, seconds: float
-) -> Proved | Counterexample | Undecided:
+) -> EquivalenceProved | Counterexample | EquivalenceUndecided:
     """Prove that the form has the winners of the client list.
 
     Usually the form has the same formulas as the list; equal ones are searched for only where they differ.
@@ -105,12 +105,12 @@ def prove_form(
         answer = _find_counterexample(
             merged_form, clients, actuator, [c for c in wrong if c.actuator == actuator]
         )
-        if isinstance(answer, Undecided) and not solver.uses_z3:
+        if isinstance(answer, EquivalenceUndecided) and not solver.uses_z3:
             undecided.append(answer)
         elif answer is not None:
             return answer
     structure = sum(claim.found == claim.expected and not claim.solved for claim in claims)
-    proved = Proved(
+    proved = EquivalenceProved(
         forms=(merged_form.form.name,),
         by_structure=structure,
         by_solver=len(claims) - structure,
@@ -124,7 +124,7 @@ class _MergedForm:
     """A form with one history for all timers of provably the same condition and window."""
 
     form: Form
-    solver: Solver
+    solver: CircuitSolver
     order: Sequence[int]
 
     def index(self, near_limits: Sequence[int]) -> FormulaIndex:
@@ -142,7 +142,9 @@ def _with_merged_timers(
     timer_classes: dict[str, str | None] = {}
     while True:
         form = read_form(timer_classes)
-        merged_form = _MergedForm(form, Solver(form.circuit, seconds), _activity_conditions(form, modules))
+        merged_form = _MergedForm(
+            form, CircuitSolver(form.circuit, seconds), _activity_conditions(form, modules)
+        )
         index = merged_form.index(near_limits=())
         found: dict[str, str | None] = {}
         for window_ns in dict.fromkeys(timer.window_ns for timer in form.timers):
@@ -200,7 +202,7 @@ def _claims(merged_form: _MergedForm, clients: ClientList, near_limits: Sequence
 
 
 def _of_actuator(
-    index: FormulaIndex, actuator: str, clients: Sequence[ClientFormulas], winners: Sequence[Winner]
+    index: FormulaIndex, actuator: str, clients: Sequence[ClientFormulas], winners: Sequence[WinnerFormulas]
 ) -> Iterator[_Claim]:
     """Yield the claims of one actuator, from the highest client down.
 
@@ -213,7 +215,7 @@ def _of_actuator(
         yield _Claim(actuator, FALSE, by_module[module].by_priority, solved=False)
     above, merged = FALSE, index.merged
     for client in clients:
-        winner = by_module.get(client.module, Winner(module=client.module, by_priority=FALSE))
+        winner = by_module.get(client.module, WinnerFormulas(module=client.module, by_priority=FALSE))
         solved = client.solved or index.merged > merged
         yield _Claim(actuator, circuit.both(client.guard, above ^ 1), winner.by_priority, solved)
         if winner.by_exclusive is not None:
@@ -223,7 +225,7 @@ def _of_actuator(
 
 def _find_counterexample(
     merged_form: _MergedForm, clients: ClientList, actuator: str, wrong: Sequence[_Claim]
-) -> Counterexample | Undecided | None:
+) -> Counterexample | EquivalenceUndecided | None:
     """Return a frame in which one of the claims on an actuator is false, if there is one."""
     form, solver = merged_form.form, merged_form.solver
     circuit = form.circuit
@@ -233,7 +235,7 @@ def _find_counterexample(
         listed_clients = dict(encode_list(clients, circuit, merged_form.index(()), form.activity).actuators)
         return _wrong_winner(form, actuator, listed_clients.get(actuator, ()), inputs)
 
-    undecided = Undecided(subjects=((form.name, actuator),), seconds=solver.seconds)
+    undecided = EquivalenceUndecided(subjects=((form.name, actuator),), seconds=solver.seconds)
     return decide_clauses(solver, clauses, undecided, describe)
 
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from random import Random
 
-from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, History, Opaque
-from colony.verify.equivalence.solver import NEAR_LIMITS, Solver, differ
+from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, HeldInput, Opaque
+from colony.verify.equivalence.solver import NEAR_LIMITS, CircuitSolver, differ
 
 CANDIDATES = 4
 """Maximum number of formulas to try per signature; a signature of more formulas is not distinctive."""
@@ -29,13 +29,13 @@ class FormulaIndex:
     `order` lists inputs (or their negations), first those that are likely to dominate later ones: valuations
     in which only inputs from some position on are true distinguish formulas that are nearly always false.
     `rare_inputs` are further inputs, besides histories, that should mostly be false. `near_limits` are those
-    of `Solver.refutes` for candidates of which only the signatures are equal.
+    of `CircuitSolver.refutes` for candidates of which only the signatures are equal.
     """
 
     def __init__(
         self,
         circuit: Circuit,
-        solver: Solver,
+        solver: CircuitSolver,
         order: Sequence[int] = (),
         rare_inputs: Iterable[int] = (),
         near_limits: Sequence[int] = NEAR_LIMITS[:2],
@@ -68,7 +68,7 @@ class FormulaIndex:
             self._by_signature.setdefault(min(signature, signature ^ self._mask), []).append(node)
         self._histories: dict[int, list[tuple[int, int]]] = {}
         for input_, literal in circuit.inputs.items():
-            if isinstance(input_, History):
+            if isinstance(input_, HeldInput):
                 self._histories.setdefault(input_.window_ns, []).append((input_.operand, literal))
 
     def find(self, literal: int) -> int:
@@ -118,7 +118,7 @@ class FormulaIndex:
                 self.merged += 1
                 histories.append((operand, history))
                 return history
-        history = self.circuit.input(History(operand, window_ns))
+        history = self.circuit.input(HeldInput(operand, window_ns))
         histories.append((operand, history))
         return history
 

@@ -12,7 +12,14 @@ from colony.execute.needs import loss_aware_view, unsimplified_view, whole_view
 from colony.execute.operators import Operator
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
-from colony.verify.equivalence.forms import Form, Timer, TimerClasses, Winner, module_of, with_activities
+from colony.verify.equivalence.forms import (
+    Form,
+    Timer,
+    TimerClasses,
+    WinnerFormulas,
+    module_of,
+    with_activities,
+)
 
 LOWERED = "lowered code"
 
@@ -48,14 +55,14 @@ def read_lowered(program: Program, clients: ClientList, code: Code, timer_classe
     )
 
 
-def _winners(actuator: ActuatorCode, circuit: Circuit, literals: Sequence[int]) -> tuple[Winner, ...]:
+def _winners(actuator: ActuatorCode, circuit: Circuit, literals: Sequence[int]) -> tuple[WinnerFormulas, ...]:
     """Return the winners by the executor's rules: the first true guard, or the true exclusive guard."""
     winners, above = [], FALSE
     for client in actuator.clients:
         guard = literals[client.guard]
         wins = circuit.both(guard, above ^ 1)
         winners.append(
-            Winner(module=client.module, by_priority=wins, by_exclusive=literals[client.exclusive])
+            WinnerFormulas(module=client.module, by_priority=wins, by_exclusive=literals[client.exclusive])
         )
         above = circuit.either(above, guard)
     return tuple(winners)

@@ -25,8 +25,8 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from colony.ir.program import Program
-from colony.ir.wiring import wiring_graph
-from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit, History
+from colony.ir.walk import wiring_graph
+from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit, HeldInput
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,7 +131,7 @@ def _recently(circuit: Circuit, now: int, remembered: int, window_ns: int) -> in
     """
     if window_ns <= 0 or remembered in (FALSE, TRUE):
         return now
-    return circuit.either(now, circuit.input(History(remembered, window_ns)))
+    return circuit.either(now, circuit.input(HeldInput(remembered, window_ns)))
 
 
 def _root(

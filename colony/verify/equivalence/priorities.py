@@ -25,7 +25,7 @@ from itertools import chain
 
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit
 from colony.verify.equivalence.network import InnerNode, NetworkFormulas, Root
-from colony.verify.equivalence.solver import Clause, Solver
+from colony.verify.equivalence.solver import CircuitSolver, Clause
 from colony.verify.equivalence.table import ClientFormulas
 
 
@@ -72,14 +72,14 @@ def first_by_structure(clients: Sequence[ClientFormulas], wins: Mapping[str, int
 
 
 @dataclass(frozen=True, slots=True)
-class Induction:
+class PriorityInduction:
     """The proof for one actuator; if it fails, the clients may still be right."""
 
     source: NetworkFormulas
     root: Root
     gates: Mapping[int, int]
     clients: Sequence[ClientFormulas]
-    solver: Solver
+    solver: CircuitSolver
 
     def is_proved(self) -> bool:
         """Return True if the order of the clients is proved."""

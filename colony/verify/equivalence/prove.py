@@ -34,19 +34,19 @@ from colony.verify.equivalence.formula_index import FormulaIndex
 from colony.verify.equivalence.json_text import EmittedFormError, read_json
 from colony.verify.equivalence.lowered import read_lowered, views
 from colony.verify.equivalence.network import NEVER, InnerNode, NetworkFormulas, Root, encode_network
-from colony.verify.equivalence.priorities import Induction, first_by_structure, gates_of
+from colony.verify.equivalence.priorities import PriorityInduction, first_by_structure, gates_of
 from colony.verify.equivalence.python_text import PYTHON, read_python
 from colony.verify.equivalence.results import (
     Counterexample,
-    Malformed,
-    Proved,
+    EquivalenceProved,
+    EquivalenceUndecided,
     Result,
-    Undecided,
     WrongActivity,
+    WrongForm,
     WrongWinner,
     merge_results,
 )
-from colony.verify.equivalence.solver import Clause, Solver, differ
+from colony.verify.equivalence.solver import CircuitSolver, Clause, differ
 from colony.verify.equivalence.table import ClientFormulas, encode_list
 
 SECONDS = 60.0
@@ -84,18 +84,18 @@ def prove(
 
 def _all_of(proofs: Iterable[Callable[[], Result]]) -> Result:
     """Run proofs; return the combined result, or the first counterexample or question that z3 gave up on."""
-    results: list[Proved | Undecided] = []
+    results: list[EquivalenceProved | EquivalenceUndecided] = []
     for proof in proofs:
         result = proof()
-        if not isinstance(result, Proved) and not _is_unattempted(result):
+        if not isinstance(result, EquivalenceProved) and not _is_unattempted(result):
             return result
         results.append(result)
     return merge_results(results)
 
 
-def _is_unattempted(result: Result | None) -> TypeGuard[Undecided]:
+def _is_unattempted(result: Result | None) -> TypeGuard[EquivalenceUndecided]:
     """Return True if an obligation is open because z3 is not used; the proof then continues."""
-    return isinstance(result, Undecided) and result.seconds <= 0
+    return isinstance(result, EquivalenceUndecided) and result.seconds <= 0
 
 
 def prove_json(program: Program, json: str, *, form: str = JSON, seconds: float = SECONDS) -> Result:
@@ -103,7 +103,7 @@ def prove_json(program: Program, json: str, *, form: str = JSON, seconds: float 
     try:
         clients = read_json(json)
     except EmittedFormError as problem:
-        return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
+        return WrongForm(form=form, subject="text", found=problem.found, expected=problem.expected)
     return prove_clients(program, clients, form=form, seconds=seconds)
 
 
@@ -118,13 +118,13 @@ def _prove_json(clients: ClientList, json: str) -> Result:
     try:
         parsed = read_json(json)
     except EmittedFormError as problem:
-        return Malformed(form=JSON, subject="text", found=problem.found, expected=problem.expected)
+        return WrongForm(form=JSON, subject="text", found=problem.found, expected=problem.expected)
     if parsed.guards != clients.guards or parsed.observed != clients.observed:
-        return Malformed(form=JSON, subject="nodes", found="other guards", expected="those of the clients")
+        return WrongForm(form=JSON, subject="nodes", found="other guards", expected="those of the clients")
     if parsed.actuators != clients.actuators:
-        return Malformed(form=JSON, subject="actuators", found="other clients", expected="those compiled")
+        return WrongForm(form=JSON, subject="actuators", found="other clients", expected="those compiled")
     obligations = len(parsed.observed) + sum(len(entry.clients) for entry in parsed.actuators)
-    return Proved(forms=(JSON,), by_structure=obligations, by_solver=0, questions=0)
+    return EquivalenceProved(forms=(JSON,), by_structure=obligations, by_solver=0, questions=0)
 
 
 def prove_python(
@@ -140,7 +140,7 @@ def prove_python(
         with gc_paused():
             found = prove_form(partial(read_python, program, clients, python, form), clients, seconds)
     except EmittedFormError as problem:
-        return Malformed(form=form, subject="text", found=problem.found, expected=problem.expected)
+        return WrongForm(form=form, subject="text", found=problem.found, expected=problem.expected)
     return found
 
 
@@ -153,13 +153,13 @@ def prove_clients(
         return malformed or _Proof(program, clients, form, seconds).result()
 
 
-def _malformed(clients: ClientList, form: str) -> Malformed | None:
+def _malformed(clients: ClientList, form: str) -> WrongForm | None:
     """Return a defect of the list: priorities other than n, ..., 1, or a repeated entry."""
     for entry in clients.actuators:
         expected = tuple(range(len(entry.clients), 0, -1))
         found = tuple(client.priority for client in entry.clients)
         if found != expected:
-            return Malformed(
+            return WrongForm(
                 form=form,
                 subject=entry.actuator,
                 found=f"the priorities {_listed(found)}",
@@ -167,12 +167,12 @@ def _malformed(clients: ClientList, form: str) -> Malformed | None:
             )
     duplicate = _duplicate([entry.actuator for entry in clients.actuators])
     if duplicate is not None:
-        return Malformed(form=form, subject=duplicate, found="the actuator twice", expected="it once")
+        return WrongForm(form=form, subject=duplicate, found="the actuator twice", expected="it once")
     for entry in clients.actuators:
         duplicate = _duplicate([client.module for client in entry.clients])
         if duplicate is not None:
             found_duplicate = f"the client {duplicate} twice"
-            return Malformed(form=form, subject=entry.actuator, found=found_duplicate, expected="it once")
+            return WrongForm(form=form, subject=entry.actuator, found=found_duplicate, expected="it once")
     return None
 
 
@@ -214,7 +214,7 @@ def _network(program: Program, order: Sequence[str], seconds: float) -> tuple[Ci
         ]
         if not inner_nodes:
             return circuit, source
-        index = FormulaIndex(circuit, Solver(circuit, seconds), _active(circuit, order))
+        index = FormulaIndex(circuit, CircuitSolver(circuit, seconds), _active(circuit, order))
         first = index.first_equal([source.dominant(node_index) for node_index in inner_nodes])
         found = {
             node_index: NEVER if i is None else inner_nodes[i]
@@ -241,7 +241,7 @@ class _Proof:
             actuator: gates_of(self.source, root, self.circuit)
             for actuator, root in self.source.roots.items()
         }
-        self.solver = Solver(self.circuit, seconds)
+        self.solver = CircuitSolver(self.circuit, seconds)
         index = FormulaIndex(self.circuit, self.solver, _active(self.circuit, order))
         self.formulas = encode_list(clients, self.circuit, index)
         self.count = _Count()
@@ -258,7 +258,7 @@ class _Proof:
                 undecided.append(found)
             elif found is not None:
                 return found
-        proved = Proved(
+        proved = EquivalenceProved(
             forms=(self.form,),
             by_structure=self.count.structure,
             by_solver=self.count.solver,
@@ -270,7 +270,7 @@ class _Proof:
 
     def _actuator(
         self, actuator: str, clients: tuple[ClientFormulas, ...]
-    ) -> Counterexample | Undecided | None:
+    ) -> Counterexample | EquivalenceUndecided | None:
         root = self.source.roots.get(actuator)
         wins = root.wins if root is not None else {}
         check = _ActuatorCheck(self, actuator, clients, wins)
@@ -289,7 +289,7 @@ class _Proof:
 
     def _order(
         self, actuator: str, root: Root | None, check: _ActuatorCheck, clients: tuple[ClientFormulas, ...]
-    ) -> Counterexample | Undecided | None:
+    ) -> Counterexample | EquivalenceUndecided | None:
         """Check that the first guard that holds wins; exclusive guards are known to be the network's."""
         structure = first_by_structure(clients, check.wins, self.circuit)
         for client in clients:
@@ -297,17 +297,17 @@ class _Proof:
         if structure:
             return None
         if root is not None:
-            steps = Induction(self.source, root, self.gates[actuator], clients, self.solver)
+            steps = PriorityInduction(self.source, root, self.gates[actuator], clients, self.solver)
             if steps.is_proved():
                 return None
         return check.find_counterexample(list(check.disorder(clients)))
 
     # --- activities that contracts and tests read -------------------------------------------------
 
-    def _check_activity(self, name: str, literal: int) -> Counterexample | Undecided | None:
+    def _check_activity(self, name: str, literal: int) -> Counterexample | EquivalenceUndecided | None:
         if name not in self.source.names:
             expected = "a wire or module of the program"
-            return Malformed(form=self.form, subject="observed", found=f"`{name}`", expected=expected)
+            return WrongForm(form=self.form, subject="observed", found=f"`{name}`", expected=expected)
         active = self.source.activity(name)
         self.count.add(active == literal)
         clauses = [*differ(active, literal), *nested_histories(self.circuit)]
@@ -321,9 +321,9 @@ class _Proof:
 
         return decide_clauses(self.solver, clauses, self.undecided(name), describe)
 
-    def undecided(self, subject: str) -> Undecided:
+    def undecided(self, subject: str) -> EquivalenceUndecided:
         """Return the result for when z3 gives up."""
-        return Undecided(subjects=((self.form, subject),), seconds=self.solver.seconds)
+        return EquivalenceUndecided(subjects=((self.form, subject),), seconds=self.solver.seconds)
 
 
 def _settled(client: ClientFormulas, win: int) -> ClientFormulas:
@@ -342,7 +342,7 @@ class _ActuatorCheck:
     clients: tuple[ClientFormulas, ...]
     wins: Mapping[str, int]
 
-    def find_counterexample(self, wrong: list[int]) -> Counterexample | Undecided | None:
+    def find_counterexample(self, wrong: list[int]) -> Counterexample | EquivalenceUndecided | None:
         """Return a frame in which one of these literals is true, if there is one."""
         proof = self.proof
         wrong = [literal for literal in wrong if literal != FALSE]

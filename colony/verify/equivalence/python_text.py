@@ -17,7 +17,14 @@ from colony.compile.guards import ClientList
 from colony.compile.lower.lower import lower
 from colony.ir.program import Program
 from colony.verify.equivalence.circuit import FALSE, TRUE, Circuit, Opaque
-from colony.verify.equivalence.forms import Form, Timer, TimerClasses, Winner, module_of, with_activities
+from colony.verify.equivalence.forms import (
+    Form,
+    Timer,
+    TimerClasses,
+    WinnerFormulas,
+    module_of,
+    with_activities,
+)
 from colony.verify.equivalence.json_text import EmittedFormError
 
 PYTHON = "generated Python"
@@ -44,7 +51,7 @@ def read_python(
         circuit=circuit,
         winners={
             actuator: tuple(
-                Winner(module=module, by_priority=reached)
+                WinnerFormulas(module=module, by_priority=reached)
                 for module, reached in run.winners.get(by, {}).items()
             )
             for actuator, by in run.decided_by.items()

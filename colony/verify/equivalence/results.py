@@ -9,7 +9,7 @@ from colony.text.wording import counted, duration_text, listed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Proved:
+class EquivalenceProved:
     """A proof: all of `obligations` hold.
 
     `by_structure` of them hold because rules of Boolean algebra alone made both sides the same formula,
@@ -76,7 +76,7 @@ class WrongActivity:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Malformed:
+class WrongForm:
     """A form that is wrong in every frame: it has `found` instead of `expected`."""
 
     form: str
@@ -85,11 +85,11 @@ class Malformed:
     expected: str
 
 
-Counterexample = WrongWinner | WrongActivity | Malformed
+Counterexample = WrongWinner | WrongActivity | WrongForm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Undecided:
+class EquivalenceUndecided:
     """Subjects that were neither proved nor refuted: (form, actuator), mostly.
 
     z3 gave up after `seconds`; if that is 0, z3 was not used. `by_structure` other obligations hold.
@@ -100,18 +100,22 @@ class Undecided:
     by_structure: int = 0
 
 
-Result = Proved | Counterexample | Undecided
+Result = EquivalenceProved | Counterexample | EquivalenceUndecided
 
 
-def merge_results(results: Sequence[Proved | Undecided]) -> Proved | Undecided:
-    """Return results combined into one, which is `Proved` if all are."""
-    proved = [r for r in results if isinstance(r, Proved)]
-    undecided = [r for r in results if isinstance(r, Undecided)]
+def merge_results(
+    results: Sequence[EquivalenceProved | EquivalenceUndecided],
+) -> EquivalenceProved | EquivalenceUndecided:
+    """Return results combined into one, which is `EquivalenceProved` if all are."""
+    proved = [r for r in results if isinstance(r, EquivalenceProved)]
+    undecided = [r for r in results if isinstance(r, EquivalenceUndecided)]
     by_structure = sum(r.by_structure for r in results)
     if undecided:
         subjects = tuple(dict.fromkeys(subject for r in undecided for subject in r.subjects))
-        return Undecided(subjects=subjects, seconds=undecided[0].seconds, by_structure=by_structure)
-    return Proved(
+        return EquivalenceUndecided(
+            subjects=subjects, seconds=undecided[0].seconds, by_structure=by_structure
+        )
+    return EquivalenceProved(
         forms=tuple(dict.fromkeys(form for r in proved for form in r.forms)),
         by_structure=by_structure,
         by_solver=sum(r.by_solver for r in proved),
@@ -149,11 +153,11 @@ def counterexample_text(found: Counterexample) -> str:
             says = f"is {'' if found.network else 'not '}active in the network"
             does = f"{'' if found.found else 'not '}active in what was compiled"
             return f"{found.form}: with {frame_text(found.frame)}, `{found.name}` {says}, and {does}"
-        case Malformed():
+        case WrongForm():
             return f"{found.form}: {found.subject}: found {found.found}, expected {found.expected}"
 
 
-def undecided_text(found: Undecided) -> str:
+def undecided_text(found: EquivalenceUndecided) -> str:
     """Return a sentence about what was not settled."""
     subjects = listed([f"{form}: {subject}" for form, subject in found.subjects])
     if found.seconds > 0:
@@ -164,7 +168,7 @@ def undecided_text(found: Undecided) -> str:
     return f"{subjects}: not proved without z3 ({structure} proved by structure)"
 
 
-def proved_text(found: Proved) -> str:
+def proved_text(found: EquivalenceProved) -> str:
     """Return a line about what was proved."""
     how = f"{found.by_structure} by structure, {found.by_solver} by z3"
     same = listed((*found.forms, "network"))

@@ -40,7 +40,7 @@ class Unsettled(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Refuted:
+class Unsatisfiable:
     """The answer that the clauses cannot all be true."""
 
 
@@ -51,10 +51,10 @@ class Satisfied:
     inputs: frozenset[int]
 
 
-Answer = Refuted | Satisfied | Unsettled
+Answer = Unsatisfiable | Satisfied | Unsettled
 
 
-class Solver:
+class CircuitSolver:
     """z3 for one circuit. Stateful: counts its questions.
 
     `seconds` limits each question. They are counted in z3's resources, so that a proof that succeeds on one
@@ -78,7 +78,7 @@ class Solver:
     def refutes(self, clauses: Sequence[Clause], near_limits: Sequence[int] = NEAR_LIMITS) -> bool:
         """Return True if nearby conjunctions suffice to show that the clauses cannot all be true."""
         return obviously_unsatisfiable(clauses) or any(
-            isinstance(self._ask(clauses, limit), Refuted) for limit in near_limits
+            isinstance(self._ask(clauses, limit), Unsatisfiable) for limit in near_limits
         )
 
     def refutes_each(self, questions: Iterable[Sequence[Clause]]) -> bool:
@@ -93,7 +93,7 @@ class Solver:
     def decide(self, clauses: Sequence[Clause]) -> Answer:
         """Decide if the clauses can all be true, considering as many conjunctions as needed."""
         if obviously_unsatisfiable(clauses):
-            return Refuted()
+            return Unsatisfiable()
         for limit in NEAR_LIMITS:
             answer = self._ask(clauses, limit)
             if answer is not Unsettled.TOO_FEW_NODES:
@@ -113,7 +113,7 @@ class Solver:
         if possible is None:
             return Unsettled.GAVE_UP
         if not possible:
-            return Refuted()
+            return Unsatisfiable()
         if not complete:
             return Unsettled.TOO_FEW_NODES
         return Satisfied(frozenset(node for node in cone.leaves if cnf.number[node] in model))

@@ -29,7 +29,7 @@ class Comparison:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
+class SimpleCondition:
     """A condition without parts: `condition` as written, with the values of what it reads as `detail`."""
 
     condition: str
@@ -37,7 +37,7 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Constant:
+class ConstantCondition:
     """A condition that is always the same."""
 
     condition: str
@@ -87,7 +87,7 @@ class Present:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Unknown:
+class UnknownCondition:
     """A condition that cannot be evaluated, because the sensors `missing`, or other values, are missing."""
 
     condition: str
@@ -152,12 +152,12 @@ class Unwired:
 
 Cause = (
     Comparison
-    | Reading
-    | Constant
+    | SimpleCondition
+    | ConstantCondition
     | Remembered
     | Past
     | Present
-    | Unknown
+    | UnknownCondition
     | TimeConstant
     | Answered
     | Heard

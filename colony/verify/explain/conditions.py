@@ -6,29 +6,325 @@ or false is a leaf, with the values that it reads.
 
 from __future__ import annotations
 
+import math
 from collections import ChainMap
-from collections.abc import Iterable, Mapping
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, Literal, Protocol
 
 from colony.ir import expression as ir
+from colony.ir.bearings import index_text
 from colony.ir.program import Let, Module
-from colony.ir.types import Array, Bool
-from colony.verify.explain.causes import Constant, Present, Reading, Remembered, Unknown
-from colony.verify.explain.comparisons import comparison, inputs_text
+from colony.ir.types import (
+    Array,
+    Bool,
+    Enum,
+    Quantity,
+    ScalarValue,
+    Type,
+    Value,
+    bearings_of,
+    element_type,
+    is_percent,
+    unit_shown,
+)
+from colony.text.wording import duration_text
+from colony.verify.claims import source_text
+from colony.verify.explain.causes import (
+    Comparison,
+    ConstantCondition,
+    Past,
+    Present,
+    Remembered,
+    SimpleCondition,
+    UnknownCondition,
+)
 from colony.verify.explain.formula import Formula, Key, Leaf, all_leaves, group, negation
-from colony.verify.explain.memory import past_recently, past_sustained, remembered, rests_on_past_alone
 from colony.verify.explain.moment import Moment
-from colony.verify.explain.values import value_text
 from colony.verify.reference.boundary import default_of
 from colony.verify.reference.expressions import evaluate, missing
-from colony.verify.reference.kleene import Known, known_value
-from colony.verify.source_text import source_text
+from colony.verify.reference.kleene import Known, is_known, known_value
+from colony.verify.snapshot import sparse_text
+
+# --- memory --------------------------------------------------------------------------------------------
+#
+# Conditions about the past: what memory functions remembered before a frame.
+
+
+def past_recently(moment: Moment, e: ir.MemoryCall, last: int | None) -> Leaf:
+    """Return the condition that the argument was true within the duration; `last` is when, in ns."""
+    elapsed = None if last is None else moment.t_ns - last
+    holds = elapsed is not None and elapsed < e.duration_ns
+    return _past(moment, e, "recently", last, elapsed, holds=holds)
+
+
+def past_sustained(moment: Moment, e: ir.MemoryCall, last: tuple[int, int] | None, *, is_true: bool) -> Leaf:
+    """Return the condition that the argument has been true for the duration.
+
+    Args:
+        moment: the frame.
+        e: the call.
+        last: the time since which it was true, in ns, and the number of the last frame in which it was.
+        is_true: True if it is true in this frame.
+    """
+    unbroken = last is not None and last[1] == moment.values.number - 1
+    since = None if not is_true else last[0] if unbroken and last is not None else moment.t_ns
+    elapsed = None if since is None else moment.t_ns - since
+    holds = elapsed is not None and elapsed >= e.duration_ns
+    return _past(moment, e, "sustained", since, elapsed, holds=holds)
+
+
+def _past(
+    moment: Moment,
+    e: ir.MemoryCall,
+    function: Literal["recently", "sustained"],
+    at_ns: int | None,
+    elapsed_ns: int | None,
+    *,
+    holds: bool,
+) -> Leaf:
+    cause = Past(
+        function=function,
+        condition=source_text(e.arguments[0]),
+        duration_ns=e.duration_ns,
+        at_ns=at_ns,
+        elapsed_ns=elapsed_ns,
+    )
+    return Leaf(holds=holds, cause=cause, key=("past", e.cell), span=e.span, node=e, fixed=moment.is_first)
+
+
+def remembered(moment: Moment, e: ir.MemoryCall, *, value: bool, condition: str = "") -> Leaf:
+    """Return the condition that a memory function remembers `value`; its text is `condition` or the call."""
+    since = moment.earlier.cells.get((e.cell, (), 0))
+    cause = Remembered(
+        condition=condition or source_text(e),
+        value="true" if value else "false",
+        since_ns=None if since is None or since.first else since.t_ns,
+    )
+    return Leaf(holds=value, cause=cause, key=("memory", e.cell), span=e.span, node=e, fixed=moment.is_first)
+
+
+def rests_on_past_alone(e: ir.Expression) -> bool:
+    """Return True for a memory function whose own condition is about earlier frames only."""
+    return isinstance(e, ir.MemoryCall) and e.function not in (
+        ir.MemoryFunction.CAPTURED,
+        ir.MemoryFunction.CHANGED,
+    )
+
+
+# --- values --------------------------------------------------------------------------------------------
+#
+# The text of values in an answer: with as many digits as the answer needs.
+
+
+_DIGITS = (4, 6, 9, 12, 17)
+"""Numbers of significant digits that are tried, until two values differ in their text."""
+
+_MAX_ELEMENTS = 8
+"""Maximum number of elements of an array that are shown."""
+
+
+def value_text(value: Known, type_: Type, digits: int = _DIGITS[0]) -> str:
+    """Return a value with its unit; "missing" for one that is not known."""
+    if value is None:
+        return "missing"
+    if not isinstance(value, tuple):
+        return scalar_text(value, type_, digits)
+    assert isinstance(type_, Array)
+    if None not in value and len(value) > _MAX_ELEMENTS:
+        known = tuple(x for x in value if x is not None)
+        text = sparse_text(known, type_, lambda x: scalar_text(x, type_, digits))
+        if text is not None:
+            return text
+    more = ", ..." if len(value) > _MAX_ELEMENTS else ""
+    return f"[{', '.join(value_text(x, type_.element, digits) for x in value[:_MAX_ELEMENTS])}{more}]"
+
+
+def scalar_text(value: ScalarValue, type_: Type, digits: int = _DIGITS[0]) -> str:
+    """Return a scalar, or one element of an array, with its unit."""
+    match element_type(type_):
+        case Bool():
+            return "true" if value else "false"
+        case Enum(name=name, members=members):
+            return next((f"{name}.{member}" for member, n in members if n == value), _number(value, digits))
+        case Quantity() as quantity:
+            unit = unit_shown(quantity)
+            text = _number(value / float(unit.factor), digits)
+            return text if unit.text == "number" else f"{text} {unit.text}"
+
+
+def pair_text(left: Value, right: Value, left_type: Type, right_type: Type) -> tuple[str, str]:
+    """Return the texts of two values, with enough digits to tell them apart if they differ."""
+    texts = "", ""
+    for digits in _DIGITS:
+        texts = value_text(left, left_type, digits), value_text(right, right_type, digits)
+        if texts[0] != texts[1] or left == right:
+            break
+    return texts
+
+
+def gap_text(left: Value, right: Value, type_: Type) -> str | None:
+    """Return the distance between two numbers, None where there is no finite one."""
+    if isinstance(left, tuple | bool) or isinstance(right, tuple | bool):
+        return None
+    gap = abs(left - right)
+    if not isinstance(type_, Quantity) or not math.isfinite(gap):
+        return None
+    return scalar_text(gap, type_, 3)
+
+
+def _number(x: float, digits: int) -> str:
+    text = f"{x:.{digits}g}"
+    if "e" in text and math.isfinite(x) and 1e-4 <= abs(x) < 1e9:
+        return f"{x:.0f}" if abs(x) >= 1 else f"{x:.{digits}f}"
+    return text
+
+
+# --- comparisons ---------------------------------------------------------------------------------------
+#
+# Comparisons: the values of both sides, how far apart they are, and which inputs decided.
+
+
+MAX_INPUTS = 6
+"""Maximum number of inputs of a condition whose values an answer has."""
+
+Values = Callable[[ir.Expression], Known]
+
+
+def comparison(moment: Moment, e: ir.BinaryOperation | ir.Within, value: Values) -> Comparison:
+    """Return what decided a comparison."""
+    operands = (e.left, e.right) if isinstance(e, ir.BinaryOperation) else _nearest_bound(e, value)
+    left, right = (value(operand) for operand in operands)
+    left_type, right_type = (_quantity(a.type, b.type) for a, b in (operands, operands[::-1]))
+    if not is_known(left) or not is_known(right):
+        texts, gap = (value_text(left, left_type), value_text(right, right_type)), None
+    else:
+        texts = pair_text(left, right, left_type, right_type)
+        gap = gap_text(left, right, left_type)
+    places = [_place(operand, value) for operand in operands]
+    sides = tuple(f"{source_text(operand)} =" for operand in operands)
+    inputs = (text for text in inputs_text(e, value) if not text.startswith(sides))
+    detail = (*inputs, *_memory_text(moment, e, value), *_commanders(moment, e))
+    return Comparison(
+        condition=source_text(e),
+        left=texts[0] + places[0],
+        right=texts[1] + places[1],
+        gap=gap,
+        detail=detail,
+    )
+
+
+def _nearest_bound(e: ir.Within, value: Values) -> tuple[ir.Expression, ir.Expression]:
+    """Return the operand, and the bound that it exceeds or is nearest to."""
+    x, low, high = value(e.operand), value(e.low), value(e.high)
+    numbers = [v for v in (x, low, high) if isinstance(v, float)]
+    if len(numbers) < 3:
+        return e.operand, e.low
+    below, above = numbers[0] - numbers[1], numbers[2] - numbers[0]
+    return (e.operand, e.low) if below < above else (e.operand, e.high)
+
+
+def _quantity(a: Type, b: Type) -> Type:
+    """Return the type of two compared quantities; a literal 0 fits any, a plain number may be in percent."""
+    return b if is_percent(b) or (isinstance(a, Quantity) and a.wildcard) else a
+
+
+def inputs_text(e: ir.Expression, value: Values) -> tuple[str, ...]:
+    """Return the inputs of a condition with their values: `ahead = 1200 mm`, `min(...) at [15 deg]`."""
+    found = dict.fromkeys(_inputs(e, value, top=True))
+    return tuple(found)[:MAX_INPUTS]
+
+
+def _inputs(e: ir.Expression, value: Values, *, top: bool = False) -> Iterator[str]:
+    match e:
+        case (
+            ir.SensorValue(name=name)
+            | ir.DerivedValue(name=name)
+            | ir.LocalValue(name=name)
+            | ir.StateValue(name=name)
+        ):
+            yield f"{name} = {value_text(value(e), e.type)}"
+        case ir.FunctionCall(function=ir.Function.MIN | ir.Function.MAX as f, arguments=[array]) if (
+            isinstance(array.type, Array)
+        ):
+            at = _deciding_element(f, array, value)
+            yield f"{source_text(e)} = {value_text(value(e), e.type)} at {at}"
+        case ir.Reduce():
+            if not top:
+                yield f"{source_text(e)} = {value_text(value(e), e.type)}"
+            else:
+                for _, array in e.arrays:
+                    yield from _inputs(array, value)
+        case ir.Element(array=ir.SensorValue() | ir.DerivedValue() | ir.LocalValue()):
+            yield f"{source_text(e)} = {value_text(value(e), e.type)}"
+        case _:
+            for child in ir.children(e):
+                yield from _inputs(child, value)
+
+
+def _place(e: ir.Expression, value: Values) -> str:
+    """Return ` at [15 deg]`, if an expression is the least or greatest element of an array."""
+    match e:
+        case ir.FunctionCall(function=ir.Function.MIN | ir.Function.MAX as f, arguments=[array]) if (
+            isinstance(array.type, Array)
+        ):
+            return f" at {_deciding_element(f, array, value)}"
+        case _:
+            return ""
+
+
+def _deciding_element(f: ir.Function, array: ir.Expression, value: Values) -> str:
+    """Return `[15 deg]`, the first element that a minimum or maximum is of."""
+    elements = value(array)
+    assert isinstance(elements, tuple), "the value of an array"
+    chosen = (min if f is ir.Function.MIN else max)(range(len(elements)), key=lambda i: elements[i] or 0.0)
+    whole, index = (array.array, array.indices[chosen]) if isinstance(array, ir.Slice) else (array, chosen)
+    return f"[{index_text(bearings_of(whole.type), index)}]"
+
+
+def _memory_text(moment: Moment, e: ir.Expression, value: Values) -> Iterator[str]:
+    """Yield what states and memory functions in a comparison remember, and since when."""
+    for node in _outside_loops(e):
+        match node:
+            case ir.StateValue(name=name):
+                since = moment.earlier.states.get(name)
+                if since is not None and not since.first:
+                    yield f"{name} was set {duration_text(moment.t_ns - since.t_ns)} before"
+            case ir.MemoryCall(cell=cell) if not isinstance(node.type, Array):
+                text = f"{source_text(node)} = {value_text(value(node), node.type)}"
+                since = moment.history.cells.get((cell, (), 0))
+                known = since is not None and not since.first
+                yield text + (
+                    f", set {duration_text(moment.t_ns - since.t_ns)} before" if since and known else ""
+                )
+            case _:
+                pass
+
+
+def _commanders(moment: Moment, e: ir.Expression) -> Iterator[str]:
+    """Yield who commands each actuator of which a comparison reads what was sent."""
+    sent = {node.actuator: None for node in ir.subexpressions(e) if isinstance(node, ir.SentField)}
+    for actuator in sent:
+        winner = moment.values.winners[actuator]
+        unwon = "by an operator" if actuator in moment.values.commanded else "idle"
+        yield f"{actuator} is {unwon if winner is None else f'by {winner}'}"
+
+
+def _outside_loops(e: ir.Expression) -> Iterator[ir.Expression]:
+    """Yield the subexpressions that have one value in a frame, whatever the round of a reduction."""
+    yield e
+    inner = [array for _, array in e.arrays] if isinstance(e, ir.Reduce) else ir.children(e)
+    for child in inner:
+        yield from _outside_loops(child)
+
+
+# --- conditions ----------------------------------------------------------------------------------------
+
 
 MAX_NESTED_LETS = 40
 """Maximum number of lets that are looked into, one within the other."""
 
 
-class NetworkFormulas(Protocol):
+class ContractFormulas(Protocol):
     """The formulas of what contracts say about the network."""
 
     def active(self, name: str) -> Formula:
@@ -50,7 +346,7 @@ class Conditions:
     `network` gives the formulas of what contracts say about the network.
     """
 
-    def __init__(self, moment: Moment, network: NetworkFormulas) -> None:
+    def __init__(self, moment: Moment, network: ContractFormulas) -> None:
         self._moment, self._network = moment, network
         self._lets: dict[str, Formula] = {}
         self._nested = 0
@@ -79,7 +375,7 @@ class Conditions:
                 chosen = self.formula(condition)
                 taken = group("all", (chosen, self.formula(yes)))
                 return group("any", (taken, group("all", (negation(chosen), self.formula(no)))))
-            case ir.Call(function=ir.Function.ANY | ir.Function.ALL as f, arguments=arguments) if all(
+            case ir.FunctionCall(function=ir.Function.ANY | ir.Function.ALL as f, arguments=arguments) if all(
                 not isinstance(a.type, Array) for a in arguments
             ):
                 return group("any" if f is ir.Function.ANY else "all", [*map(self.formula, arguments)])
@@ -193,7 +489,7 @@ class Conditions:
 
     def _unknown(self, e: ir.Expression) -> Leaf:
         absent = tuple(str(leaf.key[1]) for leaf in self.presence([e]) if not leaf.holds)
-        cause = Unknown(condition=source_text(e), missing=absent)
+        cause = UnknownCondition(condition=source_text(e), missing=absent)
         return Leaf(holds=False, cause=cause, key=self._key(e), span=e.span, node=e, fixed=True)
 
     def _leaf(self, e: ir.Expression) -> Leaf:
@@ -204,7 +500,7 @@ class Conditions:
         holds = value is True
         match e:
             case ir.Constant():
-                cause = Constant(condition=source_text(e) or ("true" if holds else "false"))
+                cause = ConstantCondition(condition=source_text(e) or ("true" if holds else "false"))
                 return Leaf(holds=holds, cause=cause, key=self._key(e), span=e.span, node=e, fixed=True)
             case ir.StateValue(name=name):
                 since = self._moment.earlier.states.get(name)
@@ -215,10 +511,10 @@ class Conditions:
                 )
                 return Leaf(holds=holds, cause=remembered, key=("state", name), span=e.span, node=e)
             case ir.SensorValue(name=name):
-                reading = Reading(condition=name)
+                reading = SimpleCondition(condition=name)
                 return Leaf(holds=holds, cause=reading, key=("sensor", name), span=e.span, node=e)
             case _:
-                reading = Reading(condition=source_text(e), detail=inputs_text(e, self.value))
+                reading = SimpleCondition(condition=source_text(e), detail=inputs_text(e, self.value))
                 return Leaf(holds=holds, cause=reading, key=self._key(e), span=e.span, node=e)
 
     def present(self, sensor: str) -> Leaf:

@@ -149,7 +149,7 @@ MAX_CHANGES = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Change:
+class ConditionChange:
     """Conditions that had to change together for the opposite outcome; none of them can be left out.
 
     It is certain unless other conditions depend on one of them, too, or on a reading that is missing: then
@@ -160,7 +160,7 @@ class Change:
     is_certain: bool = True
 
 
-Changes = tuple[Change, ...]
+Changes = tuple[ConditionChange, ...]
 
 
 def changes(formula: Formula, entangled: Collection[Key] = ()) -> Changes:
@@ -171,7 +171,9 @@ def changes(formula: Formula, entangled: Collection[Key] = ()) -> Changes:
     """
     candidates = [leaf for leaf in leaves(formula).values() if not leaf.fixed]
     found = _smallest(formula, candidates)
-    return tuple(Change(s, not any(leaf.key in entangled for leaf in s)) for s in found[:MAX_CHANGES])
+    return tuple(
+        ConditionChange(s, not any(leaf.key in entangled for leaf in s)) for s in found[:MAX_CHANGES]
+    )
 
 
 def _smallest(formula: Formula, candidates: list[Leaf]) -> list[tuple[Leaf, ...]]:

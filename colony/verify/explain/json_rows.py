@@ -7,17 +7,24 @@ from typing import Any, assert_never
 
 from colony.text.source import Span
 from colony.text.wording import listed, seconds_of
-from colony.verify.explain.answer import Explanation, Question, Sent, Whether, Why, WhyNot
-from colony.verify.explain.causes import Cause
-from colony.verify.explain.causes_text import FrameTime, cause_text
-from colony.verify.explain.changes_text import MAX_PARTS, changes_texts
+from colony.verify.explain.answer import Explanation, Question, SentOutcome, Whether, Why, WhyNot
+from colony.verify.explain.causes import Cause, ConstantCondition, SimpleCondition, UnknownCondition
 from colony.verify.explain.formula import Formula, Leaf
-from colony.verify.explain.text import MAX_LEVEL, head_text, lines, shown_parts
+from colony.verify.explain.text import (
+    MAX_LEVEL,
+    MAX_PARTS,
+    ExplainedTime,
+    cause_text,
+    changes_texts,
+    head_text,
+    lines,
+    shown_parts,
+)
 
 
 def row(explanation: Explanation, begin_ns: int = 0) -> dict[str, Any]:
     """Return an answer as an object for JSON; times count from `begin_ns`."""
-    module, now = explanation.module, FrameTime(explanation.t_ns, begin_ns)
+    module, now = explanation.module, ExplainedTime(explanation.t_ns, begin_ns)
     return {
         "question": _question(explanation.question),
         "frame": explanation.k,
@@ -60,7 +67,7 @@ def _question(question: Question) -> dict[str, str]:
             assert_never(question)
 
 
-def _because(formula: Formula, now: FrameTime, depth: int) -> list[dict[str, Any]]:
+def _because(formula: Formula, now: ExplainedTime, depth: int) -> list[dict[str, Any]]:
     """Return an object for each condition that decided, with those that it rests on as `because`."""
     if isinstance(formula, Leaf):
         return [] if formula.implied else [_cause(formula.cause, formula.holds, now, formula.span)]
@@ -80,11 +87,17 @@ def _because(formula: Formula, now: FrameTime, depth: int) -> list[dict[str, Any
     return [{**head, "because": below}]
 
 
-def _cause(cause: Cause, holds: bool, now: FrameTime, span: Span | None) -> dict[str, Any]:
+_KINDS: dict[type, str] = {
+    SimpleCondition: "reading", ConstantCondition: "constant", UnknownCondition: "unknown"
+}  # fmt: skip
+"""Kinds that have another name than their class."""
+
+
+def _cause(cause: Cause, holds: bool, now: ExplainedTime, span: Span | None) -> dict[str, Any]:
     members = {f.name: getattr(cause, f.name) for f in fields(cause)}
     for name in {"at_ns", "since_ns"} & members.keys():
         members[name] = None if members[name] is None else members[name] - now.begin_ns
-    kind = type(cause).__name__.lower()
+    kind = _KINDS.get(type(cause)) or type(cause).__name__.lower()
     text = cause_text(cause, holds, now)
     return {"kind": kind, "holds": holds, "text": text, "at": _place(span), **members}
 
@@ -94,7 +107,7 @@ def _place(span: Span | None) -> str | None:
     return repr(span) if span is not None and span.source.text else None
 
 
-def _sent(sent: Sent) -> dict[str, Any]:
+def _sent(sent: SentOutcome) -> dict[str, Any]:
     return {
         "actuator": sent.decision.actuator,
         "by": sent.decision.by,

@@ -2,31 +2,37 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
 from typing import assert_never
 
-from colony.ir.frame import Answer
-from colony.ir.given import MISSED
-from colony.ir.program import AnyModule, Chain, Module, PythonModule, Use, Wiring
+from colony.ir.frame import MISSED, Answer
+from colony.ir.program import Actuator, AnyModule, Chain, Limit, Module, PythonModule, Use, Wiring
+from colony.ir.types import ScalarValue
 from colony.ir.walk import expressions_of
+from colony.text.source import Span
+from colony.verify.claims import source_text
 from colony.verify.explain.causes import (
     Answered,
     Heard,
     Sendable,
     TimeConstant,
     Undisturbed,
-    Unknown,
+    UnknownCondition,
     Unwired,
 )
-from colony.verify.explain.conditions import Conditions
+from colony.verify.explain.conditions import Conditions, inputs_text, pair_text
 from colony.verify.explain.formula import Formula, Leaf, group, negation
 from colony.verify.explain.moment import Moment
+
+# --- network -------------------------------------------------------------------------------------------
+
 
 Node = tuple[str | int, ...]
 """A suppressor or inhibitor: its wire, and the indices of operands that lead to it."""
 
 
-class Network:
+class NetworkExplainer:
     """Builds the formulas of the network in one moment. Stateful: remembers those of modules and wires."""
 
     def __init__(self, moment: Moment) -> None:
@@ -59,7 +65,7 @@ class Network:
         present = self.conditions.presence(expressions_of(module))
         is_missing = not all(leaf.holds for leaf in present)
         if is_missing:
-            cause = Unknown(condition=f"the predicate of {name}")
+            cause = UnknownCondition(condition=f"the predicate of {name}")
             decides = Leaf(
                 holds=True, cause=cause, key=("predicate", name), implied=True, free=True, fixed=True
             )
@@ -219,3 +225,91 @@ def _name_of(wiring: Wiring) -> str:
         return wiring.name
     text = " ".join(wiring.span.text.split())
     return f"({text})" if text else "a part of the network"
+
+
+# --- command -------------------------------------------------------------------------------------------
+#
+# What became of a command: the fields that a limit or the range of the actuator changed.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cut:
+    """A field of a command that was changed before it was sent.
+
+    `wanted` and `sent` are values with units. `limit` is the bound as written, None for the range of the
+    actuator; `is_missing` is true if the bound read something missing, so that the idle command's value stood
+    in for it. `detail` has the values that the bound reads.
+    """
+
+    field: str
+    wanted: str
+    sent: str
+    limit: str | None
+    is_missing: bool = False
+    detail: tuple[str, ...] = ()
+    span: Span | None = None
+
+
+def cuts(moment: Moment, actuator: str) -> tuple[Cut, ...]:
+    """Return what limits and ranges changed in the winner's command; nothing if it was not sent."""
+    declared = next(a for a in moment.program.robot.actuators if a.name == actuator)
+    winner = moment.winner(actuator)
+    command = None if winner is None else moment.values.commands.get(winner)
+    sent = moment.sent(actuator)
+    if not command or sent is None or moment.fault(actuator) is not None:
+        return ()
+    found: list[Cut] = []
+    conditions = NetworkExplainer(moment).conditions
+    for i, wanted in enumerate(command):
+        bounded = _bounded(moment, declared, i, wanted)
+        if bounded != wanted:
+            found.append(_cut(moment, conditions, declared, i, wanted, bounded))
+    return tuple(found)
+
+
+def _effective(moment: Moment, actuator: Actuator, i: int) -> list[tuple[Limit, float, bool]]:
+    """Return the limits of a field that apply, each with its bound, and whether that stands in."""
+    idle = None if actuator.idle is None else actuator.idle[i]
+    found = []
+    for limit, bound in moment.limits:
+        if (limit.actuator, limit.field_index) == (actuator.name, i):
+            value = idle if bound is None else bound
+            if value is not None:
+                found.append((limit, float(value), bound is None))
+    return found
+
+
+def _bounded(moment: Moment, actuator: Actuator, i: int, wanted: ScalarValue) -> ScalarValue:
+    field = actuator.fields[i]
+    low = -math.inf if field.low is None else field.low
+    high = math.inf if field.high is None else field.high
+    for limit, bound, _ in _effective(moment, actuator, i):
+        low, high = (low, min(high, bound)) if limit.relation == "<=" else (max(low, bound), high)
+    return low if wanted < low else high if wanted > high else wanted
+
+
+def _cut(
+    moment: Moment,
+    conditions: Conditions,
+    actuator: Actuator,
+    i: int,
+    wanted: ScalarValue,
+    bounded: ScalarValue,
+) -> Cut:
+    field = actuator.fields[i]
+    texts = pair_text(wanted, bounded, field.type, field.type)
+    relation = "<=" if wanted > bounded else ">="
+    for limit, bound, is_missing in _effective(moment, actuator, i):
+        if limit.relation == relation and bound == bounded:
+            condition = "" if limit.condition is None else f" when {source_text(limit.condition)}"
+            text = f"{actuator.name}.{field.name} {relation} {source_text(limit.bound)}{condition}"
+            return Cut(
+                field=field.name,
+                wanted=texts[0],
+                sent=texts[1],
+                limit=text,
+                is_missing=is_missing,
+                detail=inputs_text(limit.bound, conditions.value),
+                span=limit.span,
+            )
+    return Cut(field=field.name, wanted=texts[0], sent=texts[1], limit=None, span=field.span)

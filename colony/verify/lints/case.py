@@ -24,7 +24,7 @@ from colony.ir.program import (
     Wiring,
 )
 from colony.ir.types import BOOL, ScalarValue
-from colony.ir.wiring import WiringNode, wiring_graph
+from colony.ir.walk import WiringNode, wiring_graph
 from colony.text.source import Source, Span
 from colony.text.wording import duration_text
 from colony.verify.claims import (
@@ -39,7 +39,7 @@ from colony.verify.claims import (
     negation,
     value_or,
 )
-from colony.verify.difference.content import Contents, Table
+from colony.verify.difference.content import Contents, ContentTable
 
 # --- bounds -------------------------------------------------------------------------------------------
 #
@@ -50,7 +50,7 @@ from colony.verify.difference.content import Contents, Table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bound:
+class FieldBound:
     """A bound of a field: of a limit, or of the range if `limit` is None.
 
     Attributes:
@@ -95,7 +95,7 @@ def _condition_name(i: int) -> str:
     return f"limit {i} when"
 
 
-def all_bounds(program: Program, actuator: Actuator, i: int) -> tuple[Bound, ...]:
+def all_bounds(program: Program, actuator: Actuator, i: int) -> tuple[FieldBound, ...]:
     """Return the bounds of field `i` of an actuator: of its range, then of its limits as written."""
     of_limits = (
         _of_limit(limit, number, actuator)
@@ -105,13 +105,13 @@ def all_bounds(program: Program, actuator: Actuator, i: int) -> tuple[Bound, ...
     return (*_of_range(actuator.fields[i]), *of_limits)
 
 
-def _of_range(field: ActuatorField) -> Iterator[Bound]:
+def _of_range(field: ActuatorField) -> Iterator[FieldBound]:
     for value, is_upper in ((field.low, False), (field.high, True)):
         if value is not None:
-            yield Bound(is_upper=is_upper, value=constant(value, field.type), constant=value)
+            yield FieldBound(is_upper=is_upper, value=constant(value, field.type), constant=value)
 
 
-def _of_limit(limit: Limit, number: int, actuator: Actuator) -> Bound:
+def _of_limit(limit: Limit, number: int, actuator: Actuator) -> FieldBound:
     is_upper = limit.relation == "<="
     applies: Expression = TRUE
     if limit.condition is not None:
@@ -119,7 +119,9 @@ def _of_limit(limit: Limit, number: int, actuator: Actuator) -> Bound:
         applies = value_or(asked, TRUE)
     if isinstance(limit.bound, ir.Constant):
         known_value = float(limit.bound.value)  # type: ignore[arg-type]  # a limit bounds a scalar
-        return Bound(is_upper=is_upper, applies=applies, value=limit.bound, constant=known_value, limit=limit)
+        return FieldBound(
+            is_upper=is_upper, applies=applies, value=limit.bound, constant=known_value, limit=limit
+        )
     name = _bound_name(number)
     if applies is not TRUE:
         applies = any_of((negation(ir.Fresh(type=BOOL, name=name, derived=True)), applies))
@@ -129,7 +131,7 @@ def _of_limit(limit: Limit, number: int, actuator: Actuator) -> Bound:
     idle = constant(idle_value, actuator.fields[limit.field_index].type)
     finite = ir.Conditional(type=computed.type, condition=is_finite(computed), yes=computed, no=idle)
     value = value_or(finite, idle)
-    return Bound(
+    return FieldBound(
         is_upper=is_upper,
         applies=applies,
         known=known if actuator.idle is None else TRUE,
@@ -145,7 +147,7 @@ def is_finite(e: Expression) -> Expression:
     return ir.Within(type=BOOL, operand=e, low=low, high=high)
 
 
-def contradiction(bounds: Sequence[Bound]) -> Expression:
+def contradiction(bounds: Sequence[FieldBound]) -> Expression:
     """Return the condition that a lower bound is above an upper one; the constant false if it cannot be."""
     found = []
     for low in bounds:
@@ -157,14 +159,14 @@ def contradiction(bounds: Sequence[Bound]) -> Expression:
     return any_of(found)
 
 
-def _agree(low: Bound, high: Bound) -> bool:
+def _agree(low: FieldBound, high: FieldBound) -> bool:
     """Return True if a lower and an upper bound are constants that do not contradict each other."""
     if low.limit is None and high.limit is None:
         return True
     return low.constant is not None and high.constant is not None and low.constant <= high.constant
 
 
-def exclusion(bounds: Sequence[Bound], idle: float, field: ActuatorField) -> Expression:
+def exclusion(bounds: Sequence[FieldBound], idle: float, field: ActuatorField) -> Expression:
     """Return the condition that a limit excludes the idle command's value; the constant false if none can."""
     found = []
     for bound in bounds:
@@ -176,12 +178,12 @@ def exclusion(bounds: Sequence[Bound], idle: float, field: ActuatorField) -> Exp
     return any_of(found)
 
 
-def _allows(bound: Bound, idle: float) -> bool:
+def _allows(bound: FieldBound, idle: float) -> bool:
     assert bound.constant is not None
     return idle <= bound.constant if bound.is_upper else idle >= bound.constant
 
 
-def all_known(bounds: Sequence[Bound]) -> Expression:
+def all_known(bounds: Sequence[FieldBound]) -> Expression:
     """Return the condition that every bound that applies has a value."""
     return all_of(
         b.known if b.applies is TRUE else implies(b.applies, b.known) for b in bounds if b.known is not TRUE
@@ -352,7 +354,7 @@ def _short(wiring: Wiring) -> str:
 
 # --- case ---------------------------------------------------------------------------------------------
 
-_READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fresh, ir.Restarted)
+_READING = (ir.SensorValue, ir.DerivedValue, ir.LocalValue, ir.StateValue, ir.Fresh, ir.RestartedFlag)
 
 
 @dataclass(frozen=True, slots=False, kw_only=True)
@@ -371,7 +373,7 @@ class Case:
     @cached_property
     def contents(self) -> Contents:
         """The contents of the program's declarations."""
-        return Contents(self.program, Table())
+        return Contents(self.program, ContentTable())
 
     @cached_property
     def actuators(self) -> dict[str, Actuator]:

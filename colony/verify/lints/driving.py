@@ -31,7 +31,7 @@ from colony.verify.claims import (
     won,
 )
 from colony.verify.lints.case import Case, command_of
-from colony.verify.lints.proof import Prover, Question, undecided
+from colony.verify.lints.proof import LintProver, Question, undecided
 from colony.verify.snapshot import Snapshot
 
 _BASE_SERVER = "RServer"
@@ -89,7 +89,7 @@ def open_question(case: Case, module: Module, actuator: Actuator, sensor: str) -
     return Question(open_name(module, sensor), claim)
 
 
-def may_win_without(case: Case, module: Module, actuator: Actuator, sensor: str, prover: Prover) -> bool:
+def may_win_without(case: Case, module: Module, actuator: Actuator, sensor: str, prover: LintProver) -> bool:
     """Return False if a module is proved never to win while only this sensor is missing."""
     return not prover.proved_over_reals(open_question(case, module, actuator, sensor))
 
@@ -191,7 +191,7 @@ def inhibitor_hint(sensors: list[str], module: str) -> str:
 
 
 def guarded_fields(
-    case: Case, module: Module, guard: AnyModule, actuator: Actuator, prover: Prover
+    case: Case, module: Module, guard: AnyModule, actuator: Actuator, prover: LintProver
 ) -> frozenset[int]:
     """Return the fields against which `guard` is a safeguard of `module`."""
     fields = [i for i in range(len(actuator.fields)) if _may_move(module, actuator, i)]
@@ -211,7 +211,7 @@ def _may_move(module: Module, actuator: Actuator, i: int) -> bool:
     return not (isinstance(field, Constant) and field.value == actuator.idle[i])
 
 
-def _restrains_always(module: Module, guard: Module, actuator: Actuator, i: int, prover: Prover) -> bool:
+def _restrains_always(module: Module, guard: Module, actuator: Actuator, i: int, prover: LintProver) -> bool:
     """Return True if a guard restrains a field of a module's command whenever both are active."""
     name = f"restrains {module.name} {guard.name} {i}"
     restrained = partial(_restrained, module, guard, actuator, i)

@@ -18,7 +18,7 @@ from colony.text.diagnostics import Diagnostic, Label, Severity
 from colony.text.source import Span
 from colony.text.wording import counted, degrees_text, one_line, quoted
 from colony.verify.claims import FALSE, TRUE, all_of, any_of, binary, constant, value_or
-from colony.verify.contracts.prove import Prover
+from colony.verify.contracts.prove import ContractProver
 from colony.verify.contracts.report import reason_text
 from colony.verify.contracts.results import (
     OverReals,
@@ -32,7 +32,7 @@ from colony.verify.contracts.results import (
 from colony.verify.contracts.table import seconds
 from colony.verify.difference.product import rewrite_expression
 from colony.verify.lints.case import Case, is_finite
-from colony.verify.lints.proof import OPTIONS, Effort, Finding, Run, frames, replay
+from colony.verify.lints.proof import OPTIONS, Effort, Finding, FindingRun, frames, replay
 from colony.verify.reference.expressions import FrameValues, evaluate
 from colony.verify.symbolic.system import Reason, Shape
 
@@ -52,7 +52,7 @@ _READING = (
     ir.LocalValue,
     ir.StateValue,
     ir.Now,
-    ir.Restarted,
+    ir.RestartedFlag,
     ir.Fresh,
     ir.SentField,
     ir.IsActive,
@@ -222,7 +222,7 @@ def _is_inside(place: Place) -> Expression:
     if place.wraps and not isinstance(index, ir.Nearest):
         return is_finite(index)
     reach = place.reach if isinstance(place, ir.Window) else 0
-    whole = ir.Call(type=DIMENSIONLESS, function=ir.Function.ROUND, arguments=(index,))
+    whole = ir.FunctionCall(type=DIMENSIONLESS, function=ir.Function.ROUND, arguments=(index,))
     low, high = (constant(float(x), DIMENSIONLESS) for x in (reach, _size(place) - 1 - reach))
     return ir.Within(type=BOOL, operand=whole, low=low, high=high)
 
@@ -260,7 +260,7 @@ def _is_itself(e: Expression) -> Expression:
     if not isinstance(e.type, Array):
         return binary(ir.Binary.EQUAL, e, e)
     equal = ir.BinaryOperation(type=replace(e.type, element=BOOL), operator=ir.Binary.EQUAL, left=e, right=e)
-    return ir.Call(type=BOOL, function=ir.Function.ALL, arguments=(equal,))
+    return ir.FunctionCall(type=BOOL, function=ir.Function.ALL, arguments=(equal,))
 
 
 # --- indices ------------------------------------------------------------------------------------------
@@ -275,7 +275,7 @@ def findings(case: Case, effort: Effort, shapes: dict[str, Shape]) -> Iterator[F
     instrumented, found = accesses(case.program)
     if not found:
         return
-    prover, reported = Prover(instrumented, OPTIONS, effort, shapes=shapes), set[tuple[Span, ...]]()
+    prover, reported = ContractProver(instrumented, OPTIONS, effort, shapes=shapes), set[tuple[Span, ...]]()
     for access in sorted(found, key=lambda access: not access.decides):
         place = (access.place.span, *_arguments(access.place, access.place.span))
         if place in reported or not effort.allows_question():
@@ -336,7 +336,7 @@ def _outside(case: Case, access: Access, trace: Trace) -> Finding:
         found=() if shown is None else (f"{_noun(access)} of {_text(access)}: {shown}",),
     )
     actuator = None if access.owner is None else access.owner.actuator
-    return Finding(_diagnostic(case, access, message), Run(_text(access), actuator, found))
+    return Finding(_diagnostic(case, access, message), FindingRun(_text(access), actuator, found))
 
 
 def _unproved(case: Case, access: Access, because: tuple[str, ...]) -> Finding:

@@ -10,18 +10,30 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from colony.ir import expression as ir
-from colony.ir.expression import Expression
-from colony.ir.program import Actuator, AnyModule, Limit, PythonModule
-from colony.ir.types import Quantity, is_rate
-from colony.text.diagnostics import Diagnostic, Label, Severity
+from colony.ir.expression import Binary, Expression
+from colony.ir.frame import FrameEvent
+from colony.ir.program import Actuator, ActuatorField, AnyModule, Limit, Module, PythonModule
+from colony.ir.types import Quantity, ScalarValue, is_rate
+from colony.text.diagnostics import Diagnostic, Label, Severity, warning
 from colony.text.source import Span
 from colony.text.wording import counted
-from colony.verify.claims import FALSE, all_of, any_of, fresh, negation, value_or, won
+from colony.verify.claims import (
+    FALSE,
+    all_of,
+    any_of,
+    binary,
+    constant,
+    fresh,
+    implies,
+    negation,
+    value_or,
+    won,
+)
 from colony.verify.contracts.results import Trace
 from colony.verify.contracts.table import seconds
 from colony.verify.lints.case import (
-    Bound,
     Case,
+    FieldBound,
     all_bounds,
     all_known,
     command_of,
@@ -30,7 +42,84 @@ from colony.verify.lints.case import (
     is_finite,
     value_text,
 )
-from colony.verify.lints.proof import Finding, Prover, Run, asked, frames, replay, undecided
+from colony.verify.lints.proof import Finding, FindingRun, LintProver, asked, frames, replay, undecided
+from colony.verify.reference.boundary import clamp
+
+# --- ranges --------------------------------------------------------------------------------------------
+#
+# Lint of commands that can leave the range of an actuator's field.
+
+
+def _name(module: Module, field: ActuatorField) -> str:
+    return f"range {module.name} {field.name}"
+
+
+def _ranges_fields(case: Case) -> Iterator[tuple[Module, str, int, ActuatorField]]:
+    for module in case.own_modules.values():
+        if module.command is not None and module.actuator is not None:
+            for i, field in enumerate(case.actuators[module.actuator].fields):
+                if _may_leave_range(module, i, field):
+                    yield module, module.actuator, i, field
+
+
+def _may_leave_range(module: Module, i: int, field: ActuatorField) -> bool:
+    """Return True if a field has a range, and its command is not a constant within it."""
+    if field.low is None and field.high is None:
+        return False
+    e = module.command.fields[i] if module.command else None
+    if not isinstance(e, ir.Constant):
+        return True
+    return clamp(e.value, field.low, field.high) != e.value if isinstance(e.value, float) else False
+
+
+def _claim(module: Module, actuator: str, i: int, field: ActuatorField) -> Expression:
+    """Return the claim that a field of a module's command is within its range when the module wins."""
+    value = command_of(module, i)
+    outside = []
+    if field.low is not None:
+        outside.append(binary(Binary.LESS, value, constant(field.low, field.type)))
+    if field.high is not None:
+        outside.append(binary(Binary.GREATER, value, constant(field.high, field.type)))
+    return implies(won(actuator, module.name), negation(value_or(any_of(outside), FALSE)))
+
+
+def ranges_findings(case: Case, prover: LintProver) -> Iterator[Diagnostic]:
+    """Yield a warning for each field that the interpreter clamps in some run."""
+    for module, actuator, i, field in _ranges_fields(case):
+        trace = prover.refuted(asked(_name(module, field), _claim(module, actuator, i, field)))
+        clamped = FrameEvent("command clamped", f"{actuator}.{field.name}")
+        if trace is None or clamped not in trace.outcomes[-1].records:
+            continue
+        *_, (_, interpreter) = frames(case.instrumented, trace.snapshots)
+        value = interpreter.value_of(command_of(module, i))
+        assert isinstance(value, float)
+        assert module.command is not None
+        yield _warning(module.name, actuator, field, value, module.command.fields[i])
+
+
+def _warning(module: str, actuator: str, field: ActuatorField, value: float, e: ir.Expression) -> Diagnostic:
+    low, high = (_text(x, field) for x in (field.low, field.high))
+    if field.low is not None and field.high is not None:
+        bounds, remedy = f"its range is {low} .. {high}", f"`clamp(..., {low}, {high})`"
+    elif field.high is not None:
+        bounds, remedy = f"its maximum is {high}", f"`min(..., {high})`"
+    else:
+        bounds, remedy = f"its minimum is {low}", f"`max(..., {low})`"
+    return warning(
+        "V025",
+        e.span,
+        f"`{module}` can command {actuator}.{field.name} = {_text(value, field)}, which is clamped: {bounds}",
+        f"write {remedy} if that is intended; otherwise correct the command or the range",
+    )
+
+
+def _text(x: ScalarValue | None, field: ActuatorField) -> str:
+    """Return a value in the declared unit."""
+    return "" if x is None else value_text(x, field)
+
+
+# --- limits --------------------------------------------------------------------------------------------
+
 
 _UNDECIDED_HINT = "give a `range` to what the limits read, or bound it by `min` and `max`"
 
@@ -40,7 +129,7 @@ class _Field(NamedTuple):
 
     actuator: Actuator
     i: int
-    bounds: tuple[Bound, ...]
+    bounds: tuple[FieldBound, ...]
 
     @property
     def name(self) -> str:
@@ -111,7 +200,7 @@ def _has_command(case: Case, module: AnyModule) -> Iterator[Expression]:
             yield value_or(is_finite(command_of(module, i)), FALSE)
 
 
-def findings(case: Case, prover: Prover) -> Iterator[Finding]:
+def findings(case: Case, prover: LintProver) -> Iterator[Finding]:
     """Yield the findings, each with its run, and what is undecided."""
     claims = dict(_claims(case))
     for field in _fields(case):
@@ -148,7 +237,7 @@ def _contradiction(case: Case, field: _Field, trace: Trace) -> Iterator[Finding]
         could_change=trace.could_change,
         found=(f"{field.name}: {bounds}",),
     )
-    yield Finding(diagnostic, Run(field.name, field.actuator.name, found))
+    yield Finding(diagnostic, FindingRun(field.name, field.actuator.name, found))
 
 
 def _exclusion(case: Case, field: _Field, trace: Trace) -> Iterator[Finding]:
@@ -178,10 +267,12 @@ def _exclusion(case: Case, field: _Field, trace: Trace) -> Iterator[Finding]:
         found=(f"{field.name}: {what} {field.text(nearest)}",),
     )
     diagnostic = _diagnostic("V034", "warning", spans, message, hint)
-    yield Finding(diagnostic, Run(field.name, field.actuator.name, found))
+    yield Finding(diagnostic, FindingRun(field.name, field.actuator.name, found))
 
 
-def _tightest(case: Case, field: _Field, trace: Trace) -> tuple[tuple[float, Bound], tuple[float, Bound]]:
+def _tightest(
+    case: Case, field: _Field, trace: Trace
+) -> tuple[tuple[float, FieldBound], tuple[float, FieldBound]]:
     """Return the greatest lower and the least upper bound in the last frame of a run, each with its value.
 
     A side without bounds is infinite, and has the bound of the other side.

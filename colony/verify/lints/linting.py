@@ -13,28 +13,13 @@ from colony.ir.expression import Expression
 from colony.ir.program import Program
 from colony.text.diagnostics import in_order
 from colony.verify.contracts.concrete_runs import GeneratedRuns
-from colony.verify.lints import (
-    contracts,
-    fail_open,
-    held_back,
-    indices,
-    limits,
-    never_blind,
-    nodes,
-    pauses,
-    predicates,
-    ranges,
-    shadows,
-    stuck,
-    synchronized,
-    unused,
-)
+from colony.verify.lints import contracts, fail_open, indices, limits, predicates, stuck
 from colony.verify.lints.case import Case, case_of
 from colony.verify.lints.driving import drives_claims
 from colony.verify.lints.proof import (
     Effort,
     Finding,
-    Prover,
+    LintProver,
     asked,
     drawn_breaches,
     has_python_modules,
@@ -59,8 +44,13 @@ def lint(
     if not case.network.roots:
         return ()
     claims = dict[str, Expression]()
-    for lint_module in (predicates, shadows, nodes, contracts):
-        claims |= lint_module.claims(case)
+    for claims_of in (
+        predicates.claims,
+        predicates.shadows_claims,
+        predicates.nodes_claims,
+        contracts.claims,
+    ):
+        claims |= claims_of(case)
     runs = (
         None
         if has_python_modules(program)
@@ -69,27 +59,27 @@ def lint(
     breaches = [] if runs is None else drawn_breaches(program, runs)
     refuted = frozenset[str]().union(*breaches)
     activity = _activity(case, breaches)
-    prover = Prover(case.instrumented, effort, activity, shapes)
+    prover = LintProver(case.instrumented, effort, activity, shapes)
     proved = prover.proved(asked(name, claim) for name, claim in claims.items() if name not in refuted)
     dominators = {
-        m: _minimal_dominators(case, m, prover) for m in case.modules if shadows.shadowed(m) in proved
+        m: _minimal_dominators(case, m, prover) for m in case.modules if predicates.shadowed(m) in proved
     }
     with_runs = (*limits.findings(case, prover), *indices.findings(case, effort, shapes))
     shown = {f.diagnostic: f.run for f in with_runs}
     diagnostics = in_order(
         [
-            *unused.findings(case),
+            *contracts.unused_findings(case),
             *predicates.findings(case, proved),
-            *shadows.findings(case, proved, dominators),
-            *nodes.findings(case, proved),
+            *predicates.shadows_findings(case, proved, dominators),
+            *predicates.nodes_findings(case, proved),
             *contracts.findings(case, proved),
-            *synchronized.findings(case, proved, activity, prover, runs),
-            *ranges.findings(case, prover),
+            *predicates.synchronized_findings(case, proved, activity, prover, runs),
+            *limits.ranges_findings(case, prover),
             *fail_open.findings(case, prover, runs),
-            *held_back.findings(case, prover),
+            *fail_open.held_back_findings(case, prover),
             *stuck.findings(case, prover),
-            *pauses.findings(case, prover),
-            *never_blind.findings(case),
+            *contracts.pauses_findings(case, prover),
+            *contracts.never_blind_findings(case),
             *shown,
         ]
     )
@@ -105,7 +95,7 @@ def _activity(case: Case, breaches: Sequence[frozenset[str]]) -> dict[str, int]:
     return frames
 
 
-def _minimal_dominators(case: Case, module: str, prover: Prover) -> tuple[str, ...]:
+def _minimal_dominators(case: Case, module: str, prover: LintProver) -> tuple[str, ...]:
     """Return a minimal set of modules that dominate a module wherever it is active."""
     dominators = case.network.dominators(module)
     if len(dominators) > _MAX_CANDIDATES or not _dominate(case, module, dominators, prover):
@@ -117,8 +107,8 @@ def _minimal_dominators(case: Case, module: str, prover: Prover) -> tuple[str, .
     return tuple(m.name for m in case.program.modules if m.name in dominators)
 
 
-def _dominate(case: Case, module: str, dominators: tuple[str, ...], prover: Prover) -> bool:
-    claim = shadows.dominated(case, module, dominators)
+def _dominate(case: Case, module: str, dominators: tuple[str, ...], prover: LintProver) -> bool:
+    claim = predicates.dominated(case, module, dominators)
     if claim is None:
         return False
     return bool(prover.proved([asked(f"dominated {module} {' '.join(dominators)}", claim)]))

@@ -26,18 +26,17 @@ from colony.text.diagnostics import Diagnostic, note
 from colony.text.source import Span
 from colony.verify.claims import TRUE
 from colony.verify.contracts.attempt import Attempt, Proof, ProofContext
-from colony.verify.contracts.concrete_runs import GeneratedRuns
+from colony.verify.contracts.concrete_runs import GeneratedRuns, Replay
 from colony.verify.contracts.refute import Refuter
-from colony.verify.contracts.replay import Replay
-from colony.verify.contracts.results import RESOURCES_PER_SECOND, Options, Trace
+from colony.verify.contracts.results import RESOURCES_PER_SECOND, ProofOptions, Trace
 from colony.verify.contracts.search import CandidateTrace, called_modules
-from colony.verify.contracts.solver import Answer, Budget, Deadline
+from colony.verify.contracts.solver import Budget, Deadline, SolverAnswer
 from colony.verify.contracts.table import table
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot, snapshot_of
 from colony.verify.symbolic.encode import OpenEncoding, encode
 from colony.verify.symbolic.logic import is_false, is_true
-from colony.verify.symbolic.system import Claim, Inexact, Shape
+from colony.verify.symbolic.system import ContractFormula, Inexact, Shape
 from colony.verify.symbolic.unrolling import OneFrame, reasons_of, snapshots
 from colony.verify.testing.frames import Choices, draw_trace, snapshots_of
 
@@ -99,7 +98,7 @@ def frames(program: Program, snapshots: Iterable[Snapshot]) -> Iterator[tuple[Ou
 MAX_FRAMES = 8
 """Maximum length of a run: a machine may come through several phases before what is looked for happens."""
 
-OPTIONS = Options(depth=1, max_frames=MAX_FRAMES, resources=RESOURCES_PER_SECOND // 2)
+OPTIONS = ProofOptions(depth=1, max_frames=MAX_FRAMES, resources=RESOURCES_PER_SECOND // 2)
 
 _ALL_QUESTIONS = 1e9
 """Share of a question's resources for all questions to one solver; `Effort` limits them."""
@@ -157,7 +156,7 @@ class _Quick(Enum):
     OPEN = auto()
 
 
-class Prover:
+class LintProver:
     """A prover of claims about one program. Stateful: encodes it on first use, remembers answers.
 
     `activity` gives, by module, the frames of drawn runs in which it is active, as a set of bits. `shapes`
@@ -239,15 +238,15 @@ class Prover:
             self._quick_answers[name] = self._ask(context.claims[name])
         return self._quick_answers[name]
 
-    def _ask(self, claim: Claim) -> tuple[_Quick, z3.ModelRef | None]:
+    def _ask(self, claim: ContractFormula) -> tuple[_Quick, z3.ModelRef | None]:
         """Return the answer about a claim, with a model of a first frame that breaks it."""
         if is_true(claim.holds):
             return _Quick.HOLDS, None
         frames, budget = self._shared.single_frames, Budget(OPTIONS, self.effort, _ALL_QUESTIONS)
         answer, model = frames.breaks_first(claim, budget)
-        if answer is Answer.SAT:
+        if answer is SolverAnswer.SAT:
             return _Quick.BROKEN, model
-        if answer is Answer.UNSAT and frames.breaks(claim, (), budget)[0] is Answer.UNSAT:
+        if answer is SolverAnswer.UNSAT and frames.breaks(claim, (), budget)[0] is SolverAnswer.UNSAT:
             return _Quick.HOLDS, None
         return _Quick.OPEN, None
 
@@ -326,7 +325,7 @@ class Prover:
 
 
 @dataclass(frozen=True, slots=True)
-class Run:
+class FindingRun:
     """A run of the reference interpreter that shows a finding about `subject`, by the commands of `actuator`.
 
     Without an actuator it shows those of all.
@@ -342,7 +341,7 @@ class Finding:
     """A diagnostic of a lint, with the run that shows it if the message alone cannot."""
 
     diagnostic: Diagnostic
-    run: Run | None = None
+    run: FindingRun | None = None
 
 
 def undecided(span: Span, what: str, hint: str) -> Diagnostic:

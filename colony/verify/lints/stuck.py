@@ -34,7 +34,7 @@ from colony.verify.lints.driving import (
     with_all_sensors,
     without,
 )
-from colony.verify.lints.proof import Prover, Question, frames
+from colony.verify.lints.proof import LintProver, Question, frames
 from colony.verify.reference.kleene import Known
 from colony.verify.snapshot import Snapshot
 
@@ -165,7 +165,7 @@ class _End(NamedTuple):
     after: Known
 
 
-def findings(case: Case, prover: Prover) -> Iterator[Diagnostic]:
+def findings(case: Case, prover: LintProver) -> Iterator[Diagnostic]:
     """Yield the warnings about memory that a missing sensor keeps as it is."""
     found: dict[tuple[str, str, Known, float | None], tuple[_Change, list[str]]] = {}
     undecided: dict[str, list[str]] = {}

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
-from colony.ir.frame import Answer, Frame, Reading, Record, RecordKind
+from colony.ir.frame import Answer, Frame, FrameEvent, Reading, RecordKind
 from colony.ir.program import Actuator, PythonModule, Sensor
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value
 from colony.text.diagnostics import DiagnosticError, error
@@ -139,17 +139,17 @@ def fault_of(
     winner: str,
     command: Sequence[ScalarValue],
     bounds: Sequence[tuple[float, float] | None],
-) -> Record | None:
+) -> FrameEvent | None:
     """Return why a command cannot be sent, whatever its fields are clamped to; None if it can."""
     if not all(math.isfinite(x) for x in command):
-        return Record("not finite", winner)
+        return FrameEvent("not finite", winner)
     names = [f"{actuator.name}.{field.name}" for field in actuator.fields]
     for name, b in zip(names, bounds, strict=True):
         if b is None:
-            return Record("bound missing", name)
+            return FrameEvent("bound missing", name)
     for name, b in zip(names, bounds, strict=True):
         if b is not None and b[0] > b[1]:
-            return Record("limits contradict", name)
+            return FrameEvent("limits contradict", name)
     return None
 
 

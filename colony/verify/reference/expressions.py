@@ -306,7 +306,7 @@ def evaluate(e: ir.Expression, frame_values: FrameValues, memory: Memory, loop: 
             return array_access(e, elements(value(e.array)), value)
         case ir.ValueOr():
             return value_or(e, value, is_missing=missing(e.expression, frame_values))
-        case ir.Call():
+        case ir.FunctionCall():
             return call(e, frame_values, memory, loop)
         case ir.Reduce():
             return reduce(e, frame_values, memory, loop)
@@ -333,7 +333,7 @@ def leaf(e: ir.Expression, frame_values: FrameValues, loop: Loop) -> Value:
             return frame_values.states[name]
         case ir.LoopIndex(name=name):
             return float([turn.k for turn in loop if turn.variable == name][-1])
-        case ir.Now() | ir.Restarted():
+        case ir.Now() | ir.RestartedFlag():
             now = (frame_values.t_ns - frame_values.first_ns) / 1e9
             return now if isinstance(e, ir.Now) else frame_values.restarted
         case ir.Fresh(name=name, derived=derived):
@@ -434,7 +434,7 @@ def len_of(e: ir.Expression) -> int:
 # --- functions -----------------------------------------------------------------------------------
 
 
-def call(e: ir.Call, frame_values: FrameValues, memory: Memory, loop: Loop) -> Value:
+def call(e: ir.FunctionCall, frame_values: FrameValues, memory: Memory, loop: Loop) -> Value:
     """Evaluate a pure function of an array, of several scalars, or element by element."""
     if e.function in ir.INDEX_FUNCTIONS:
         return index_function(e.function, e.arguments[0], frame_values, memory, loop)

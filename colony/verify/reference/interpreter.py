@@ -18,16 +18,16 @@ from colony.ir.frame import (
     Answer,
     Decision,
     Frame,
-    Given,
+    FrameEvent,
     Outcome,
+    OverriddenCommand,
     Reading,
-    Record,
     RecordKind,
+    value_sent,
 )
-from colony.ir.given import value_sent
-from colony.ir.in_time import idled, in_time, remembered
 from colony.ir.memory import ProgramMemory
 from colony.ir.types import ScalarValue, Value
+from colony.ir.walk import idled, in_time, remembered
 from colony.verify.reference.boundary import (
     ModuleFrame,
     PythonRunner,
@@ -77,7 +77,7 @@ class Interpreter:
         self._last: dict[str, ScalarValue] = {}  # values of `last.ACTUATOR.FIELD`, in declared units
         self._moment: FrameValues | None = None
         self._lost: frozenset[str] = frozenset()
-        self._given: Mapping[str, Given] = {}
+        self._given: Mapping[str, OverriddenCommand] = {}
         self._in_time = {c.name: in_time(program.robot, c) for c in program.contracts}
         self._remembered = remembered(self._in_time.values())
         self._late: set[str] = set()  # actuators of `_remembered` that were idle as a client was late
@@ -151,7 +151,7 @@ class Interpreter:
         frame: Frame,
         lost: frozenset[str] = frozenset(),
         answers: Mapping[str, Answer] | None = None,
-        given: Mapping[str, Given] = NOTHING_GIVEN,
+        given: Mapping[str, OverriddenCommand] = NOTHING_GIVEN,
     ) -> Outcome:
         """Execute one frame with readings in declared units.
 
@@ -174,7 +174,7 @@ class Interpreter:
         t_ns: int,
         readings: Mapping[str, Reading],
         lost: frozenset[str] = frozenset(),
-        given: Mapping[str, Given] = NOTHING_GIVEN,
+        given: Mapping[str, OverriddenCommand] = NOTHING_GIVEN,
         *,
         restarted: bool = False,
     ) -> Outcome:
@@ -267,7 +267,7 @@ class Interpreter:
             restarted=restarted,
         )
         self._next_states, self._silent, self._blind = {}, set(), set()
-        records: list[Record] = []
+        records: list[FrameEvent] = []
         self._read_sensors(frame_values, readings, factors, records)
         self._compute_derived_values(frame_values)
         self._run_modules(frame_values, records)
@@ -297,12 +297,12 @@ class Interpreter:
         frame_values: FrameValues,
         readings: Mapping[str, Reading],
         factors: dict[str, float],
-        records: list[Record],
+        records: list[FrameEvent],
     ) -> None:
         for sensor in self.program.robot.sensors:
             value, kind = sense(sensor, readings.get(sensor.name), factors[sensor.name])
             if kind is not None:
-                records.append(Record(kind, sensor.name))
+                records.append(FrameEvent(kind, sensor.name))
             if value is not None:
                 frame_values.fresh.add(sensor.name)
             else:
@@ -361,7 +361,7 @@ class Interpreter:
 
     # --- modules ---------------------------------------------------------------------------------
 
-    def _run_modules(self, frame_values: FrameValues, records: list[Record]) -> None:
+    def _run_modules(self, frame_values: FrameValues, records: list[FrameEvent]) -> None:
         for module in self.program.modules:
             match module:
                 case ir.Module():
@@ -406,7 +406,7 @@ class Interpreter:
         return command if applicable else None
 
     def _run_python_module(
-        self, module: ir.PythonModule, frame_values: FrameValues, records: list[Record]
+        self, module: ir.PythonModule, frame_values: FrameValues, records: list[FrameEvent]
     ) -> tuple[ScalarValue, ...] | None:
         runner = self._python.get(module.name)
         if any(missing(r.expression, frame_values) for r in module.reads):
@@ -418,7 +418,7 @@ class Interpreter:
         frame = ModuleFrame((frame_values.t_ns - frame_values.first_ns) / 1e9, values)
         answer = self._answers[module.name] if runner is None else runner.step(frame_values.t_ns, frame)
         if answer.error:
-            records.append(Record("python error", module.name))
+            records.append(FrameEvent("python error", module.name))
         if answer.blind and module.failsafe:
             self._record_no_answer(module)
         return answer.values
@@ -493,7 +493,7 @@ class Interpreter:
         actuator: ir.Actuator,
         frame_values: FrameValues,
         limits: list[tuple[ir.Limit, float | None]],
-        records: list[Record],
+        records: list[FrameEvent],
     ) -> Decision:
         """Send the winner's command within its bounds, or the idle command where there is no such command."""
         if actuator.name in self._given:
@@ -504,7 +504,7 @@ class Interpreter:
         if winner is None:
             return self._decide_idle(actuator, None, None, frame_values)
         if winner in self._blind:
-            records.append(Record("missing", winner))
+            records.append(FrameEvent("missing", winner))
             return self._decide_idle(actuator, winner, "missing", frame_values)
         command = frame_values.commands[winner]
         bounds = [self._bounds(actuator, i, limits) for i in range(len(actuator.fields))]
@@ -513,7 +513,7 @@ class Interpreter:
             sent = tuple(x if b is None else clamp(x, *b) for x, b in zip(command, bounds, strict=True))
             declared = declared_command(actuator, sent)
             if not all(math.isfinite(x) for x in declared):
-                fault = Record("not finite", winner)
+                fault = FrameEvent("not finite", winner)
         if fault is not None:
             records.append(fault)
             return self._decide_idle(actuator, winner, fault.kind, frame_values)
@@ -521,14 +521,14 @@ class Interpreter:
             if bounded != x:
                 by_range = bounded == (field.high if x > bounded else field.low)
                 kind: RecordKind = "command clamped" if by_range else "limited"
-                records.append(Record(kind, f"{actuator.name}.{field.name}"))
+                records.append(FrameEvent(kind, f"{actuator.name}.{field.name}"))
         self._hold(actuator, sent, frame_values)
         return Decision(actuator.name, winner, declared)
 
     def _decide_given(
         self,
         actuator: ir.Actuator,
-        given: Given,
+        given: OverriddenCommand,
         frame_values: FrameValues,
         limits: list[tuple[ir.Limit, float | None]],
     ) -> Decision:

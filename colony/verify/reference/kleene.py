@@ -58,7 +58,7 @@ def known_value(e: ir.Expression, frame_values: FrameValues, memory: Memory, loo
             return array_access(e, frame_values, memory, loop)
         case ir.ValueOr(expression=expression, other=other):
             return each(lambda x, y: y if x is None else x, shaped(value(expression), e), value(other))
-        case ir.Call():
+        case ir.FunctionCall():
             return call(e, frame_values, memory, loop)
         case ir.Reduce():
             return reduce(e, frame_values, memory, loop)
@@ -193,7 +193,7 @@ def indices_of_window(e: ir.Window, center: Scalar) -> list[Scalar]:
 # --- functions -----------------------------------------------------------------------------------
 
 
-def call(e: ir.Call, frame_values: FrameValues, memory: Memory, loop: Loop) -> Known:
+def call(e: ir.FunctionCall, frame_values: FrameValues, memory: Memory, loop: Loop) -> Known:
     """Evaluate a pure function of an array, of several scalars, or element by element."""
     if e.function in ir.INDEX_FUNCTIONS:
         return index_function(e.function, e.arguments[0], frame_values, memory, loop)

@@ -9,8 +9,7 @@ from colony.ir import expression as e
 from colony.ir import program as ir
 from colony.ir.memory import ProgramMemory, late_cell, sent_cell, state_cell, window_cell
 from colony.ir.types import ScalarValue
-from colony.ir.walk import all_subexpressions
-from colony.ir.wiring import wiring_graph
+from colony.ir.walk import all_subexpressions, wiring_graph
 from colony.verify.reference.expressions import Memory
 
 Parts = dict[str, float | bool | int]

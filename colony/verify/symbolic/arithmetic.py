@@ -21,7 +21,7 @@ from colony.ir.expression import Function
 from colony.text.source import Span
 from colony.verify.reference.expressions import divide, modulo, unary_function
 from colony.verify.symbolic import bounding
-from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.builder import SystemBuilder
 from colony.verify.symbolic.cases import ANY_ZERO, by_cases, constant, fold, whole_of
 from colony.verify.symbolic.logic import (
     FALSE,
@@ -51,7 +51,7 @@ from colony.verify.symbolic.numbers import (
     select_number,
     whole_number,
 )
-from colony.verify.symbolic.system import UNBOUNDED, Bounds, Inexact, Number, Operation, Reason
+from colony.verify.symbolic.system import UNBOUNDED, ExtendedReal, Inexact, NumberBounds, Operation, Reason
 
 MAX_ENUMERATED = 40
 """Maximum number of integers to enumerate by comparisons; beyond it the result is a constant of sort Int."""
@@ -63,12 +63,12 @@ ZERO = constant(0.0)
 class Arithmetic:
     """The operations of the expression at `span`, which is cited as the reason where a result is inexact."""
 
-    builder: Builder
+    builder: SystemBuilder
     span: Span
 
     # --- sums ------------------------------------------------------------------------------------
 
-    def add(self, x: Number, y: Number) -> Number:
+    def add(self, x: ExtendedReal, y: ExtendedReal) -> ExtendedReal:
         """Return `x + y`."""
         result = added(x, y)
         if result.cases or result is x or result is y or is_exact_whole(result.bounds):
@@ -76,7 +76,7 @@ class Arithmetic:
         may_overflow = not (_is_small(x) or _is_small(y))
         return self._mark_rounded(result, "a sum", (x.value, y.value), may_overflow, is_sum=True)
 
-    def subtract(self, x: Number, y: Number) -> Number:
+    def subtract(self, x: ExtendedReal, y: ExtendedReal) -> ExtendedReal:
         """Return `x - y`."""
         if x.cases and y.cases:
             folded = fold(lambda v, w: v - w, (x, y))
@@ -86,13 +86,13 @@ class Arithmetic:
 
     def _mark_rounded(
         self,
-        x: Number,
+        x: ExtendedReal,
         operation: str,
         floats: tuple[z3.ArithRef, ...] = (),
         may_overflow: bool = True,
         *,
         is_sum: bool = False,
-    ) -> Number:
+    ) -> ExtendedReal:
         """Mark a number as rounded by the program; if `may_overflow`, possibly to infinity.
 
         `floats` and `is_sum` are those of the `InexactTerm`.
@@ -100,19 +100,19 @@ class Arithmetic:
         text = f"{operation}: reals in place of floats"
         return self._mark_inexact(x, Inexact.ROUNDING, text, may_overflow, floats, is_sum=is_sum)
 
-    def _mark_abstracted(self, x: Number, text: str, may_overflow: bool = False) -> Number:
+    def _mark_abstracted(self, x: ExtendedReal, text: str, may_overflow: bool = False) -> ExtendedReal:
         return self._mark_inexact(x, Inexact.ABSTRACTED, text, may_overflow)
 
     def _mark_inexact(
         self,
-        x: Number,
+        x: ExtendedReal,
         kind: Inexact,
         text: str,
         may_overflow: bool,
         floats: tuple[z3.ArithRef, ...] = (),
         *,
         is_sum: bool = False,
-    ) -> Number:
+    ) -> ExtendedReal:
         as_float = replace(x, bounds=bounding.float_bounds(x.bounds))
         self.builder.mark_number_inexact(as_float, Reason(kind, self.span, text), floats, is_sum=is_sum)
         x = replace(x, bounds=bounding.rounded(x.bounds))
@@ -123,7 +123,7 @@ class Arithmetic:
 
     # --- products --------------------------------------------------------------------------------
 
-    def multiply(self, x: Number, y: Number) -> Number:
+    def multiply(self, x: ExtendedReal, y: ExtendedReal) -> ExtendedReal:
         """Return `x * y`."""
         folded = fold(lambda v, w: v * w, (x, y))
         if folded is not None:
@@ -133,14 +133,16 @@ class Arithmetic:
             return self._per_case(enumerated, lambda v: self._multiply_by_constant(other, v))
         return self._product(x, y)
 
-    def _per_case(self, enumerated: Number, result_for: Callable[[float], Number]) -> Number:
+    def _per_case(
+        self, enumerated: ExtendedReal, result_for: Callable[[float], ExtendedReal]
+    ) -> ExtendedReal:
         *others, (last, _) = enumerated.cases
         result = result_for(last)
         for v, condition in reversed(others):
             result = select_number(condition, result_for(v), result)
         return result
 
-    def _multiply_by_constant(self, x: Number, factor: float) -> Number:
+    def _multiply_by_constant(self, x: ExtendedReal, factor: float) -> ExtendedReal:
         """Return `x` times a constant."""
         if math.isnan(factor):
             return constant(math.nan)
@@ -149,7 +151,7 @@ class Arithmetic:
         if math.isinf(factor):
             sign = scaled(x, Fraction(1 if factor > 0 else -1))
             zero = both(negation(x.infinite), cast(z3.BoolRef, x.value == real(0)))
-            return Number(sign.value, either(x.nan, zero), not_nan(x), UNBOUNDED)
+            return ExtendedReal(sign.value, either(x.nan, zero), not_nan(x), UNBOUNDED)
         if factor == 1:
             return x
         result = scaled(x, Fraction(factor))
@@ -157,19 +159,19 @@ class Arithmetic:
             return result
         return self._mark_rounded(result, "a product", (x.value, -x.value), may_overflow=abs(factor) > 1)
 
-    def _product(self, x: Number, y: Number) -> Number:
+    def _product(self, x: ExtendedReal, y: ExtendedReal) -> ExtendedReal:
         if x.value.get_id() > y.value.get_id():
             x, y = y, x
         nan = any_of((x.nan, y.nan, _infinite_times_zero(x, y), _infinite_times_zero(y, x)))
         infinite = either(x.infinite, y.infinite)
         bounds = bounding.product(x.bounds, y.bounds)
         if self.builder.precise:
-            return self._mark_rounded(Number(x.value * y.value, nan, infinite, bounds), "a product")
+            return self._mark_rounded(ExtendedReal(x.value * y.value, nan, infinite, bounds), "a product")
         term, is_new = self.builder.auxiliary(Operation.PRODUCT, (x, y), z3.RealSort())
         if is_new:
             self._assume(term, bounding.product_facts(term, x, y, bounds))
         text = "a product of two values that vary: only its sign and bounds are known"
-        return self._mark_abstracted(Number(term, nan, infinite, bounds), text, may_overflow=True)
+        return self._mark_abstracted(ExtendedReal(term, nan, infinite, bounds), text, may_overflow=True)
 
     def _assume(self, term: z3.ArithRef, facts: Iterable[bounding.NonlinearFact]) -> None:
         for formula, only_over_reals in facts:
@@ -177,7 +179,7 @@ class Arithmetic:
 
     # --- quotients -------------------------------------------------------------------------------
 
-    def divide(self, x: Number, y: Number) -> Number:
+    def divide(self, x: ExtendedReal, y: ExtendedReal) -> ExtendedReal:
         """Return `x / y`."""
         folded = fold(divide, (x, y))
         if folded is not None:
@@ -186,7 +188,7 @@ class Arithmetic:
             return self._per_case(y, lambda v: self._divide_by_constant(x, v, y.loose_zero))
         return self._quotient(x, y)
 
-    def _divide_by_constant(self, x: Number, divisor: float, loose_zero: bool) -> Number:
+    def _divide_by_constant(self, x: ExtendedReal, divisor: float, loose_zero: bool) -> ExtendedReal:
         """Return `x` divided by a constant; if `loose_zero`, a zero divisor may have either sign."""
         if math.isnan(divisor):
             return constant(math.nan)
@@ -197,7 +199,7 @@ class Arithmetic:
         if divisor == 0:
             sign = scaled(x, Fraction(int(math.copysign(1.0, divisor))))
             zero = both(negation(x.infinite), cast(z3.BoolRef, x.value == real(0)))
-            return Number(sign.value, either(x.nan, zero), negation(x.nan), UNBOUNDED)
+            return ExtendedReal(sign.value, either(x.nan, zero), negation(x.nan), UNBOUNDED)
         if divisor == 1:
             return x
         result = scaled(x, 1 / Fraction(divisor))
@@ -207,7 +209,7 @@ class Arithmetic:
             else self._mark_rounded(result, "a quotient", (x.value, -x.value), may_overflow=abs(divisor) < 1)
         )
 
-    def _quotient(self, x: Number, y: Number) -> Number:
+    def _quotient(self, x: ExtendedReal, y: ExtendedReal) -> ExtendedReal:
         by_zero = both(negation(y.infinite), compared(y, ZERO, "=="))
         zero_dividend = both(negation(x.infinite), compared(x, ZERO, "=="))
         nan = any_of((x.nan, y.nan, both(by_zero, zero_dividend), both(x.infinite, y.infinite)))
@@ -217,7 +219,7 @@ class Arithmetic:
         if is_new:
             precise = self.builder.precise
             self._assume(term, bounding.quotient_facts(term, x, y, by_zero, nan, bounds, precise))
-        result = Number(term, nan, infinite, bounds)
+        result = ExtendedReal(term, nan, infinite, bounds)
         if self.builder.precise and is_false(by_zero):
             return self._mark_rounded(result, "a quotient")
         return self._mark_abstracted(
@@ -228,7 +230,7 @@ class Arithmetic:
 
     # --- remainders ------------------------------------------------------------------------------
 
-    def modulo(self, x: Number, y: Number) -> Number:
+    def modulo(self, x: ExtendedReal, y: ExtendedReal) -> ExtendedReal:
         """Return `mod(x, y)`."""
         folded = fold(modulo, (x, y))
         if folded is not None:
@@ -244,9 +246,11 @@ class Arithmetic:
         if is_new:
             self._assume(term, bounding.modulo_facts(term, x, y, nan))
         bounds = bounding.modulo(y.bounds)
-        return self._mark_abstracted(Number(term, nan, infinite, bounds), "`mod` by a value that varies")
+        return self._mark_abstracted(
+            ExtendedReal(term, nan, infinite, bounds), "`mod` by a value that varies"
+        )
 
-    def _modulo_by_constant(self, x: Number, divisor: float) -> Number:
+    def _modulo_by_constant(self, x: ExtendedReal, divisor: float) -> ExtendedReal:
         if math.isnan(divisor) or divisor == 0:
             return constant(math.nan)
         nan = either(x.nan, x.infinite)
@@ -260,7 +264,7 @@ class Arithmetic:
         remainder = added(finite_x, scaled_without_cases(negated(multiple), exact))
         ends = (min(exact, Fraction(0)), max(exact, Fraction(0)))
         high = ends[1] - 1 if x.bounds.whole and exact.denominator == 1 and exact > 0 else ends[1]
-        bounds = Bounds(ends[0], high, x.bounds.whole and exact.denominator == 1)
+        bounds = NumberBounds(ends[0], high, x.bounds.whole and exact.denominator == 1)
         if remainder.cases:
             return _or_nan(nan, remainder)
         result = replace(remainder, nan=nan, bounds=bounds)
@@ -271,7 +275,7 @@ class Arithmetic:
             else self._mark_rounded(result, "`mod`", (x.value,), may_overflow=False)
         )
 
-    def angle_difference(self, a: Number, b: Number) -> Number:
+    def angle_difference(self, a: ExtendedReal, b: ExtendedReal) -> ExtendedReal:
         """Return the angle from `b` to `a` in degrees: above -180, up to 180."""
         turned = self.modulo(self.subtract(a, b), constant(360.0))
         if turned.cases:
@@ -280,23 +284,25 @@ class Arithmetic:
             return folded
         wrapped = self.add(turned, constant(-360.0))
         result = select_number(compared(constant(180.0), turned, "<"), wrapped, turned)
-        return replace(result, bounds=Bounds(Fraction(-180), Fraction(180), result.bounds.whole))
+        return replace(result, bounds=NumberBounds(Fraction(-180), Fraction(180), result.bounds.whole))
 
     # --- whole numbers ---------------------------------------------------------------------------
 
-    def floor(self, x: Number) -> Number:
+    def floor(self, x: ExtendedReal) -> ExtendedReal:
         """Return the greatest whole number that is not above `x`."""
         return self._whole(x, Function.FLOOR, self.floor_of)
 
-    def ceil(self, x: Number) -> Number:
+    def ceil(self, x: ExtendedReal) -> ExtendedReal:
         """Return the least whole number that is not below `x`."""
         return self._whole(x, Function.CEIL, lambda v: negated(self.floor_of(negated(v))))
 
-    def round(self, x: Number) -> Number:
+    def round(self, x: ExtendedReal) -> ExtendedReal:
         """Return the nearest whole number, halves to even."""
         return self._whole(x, Function.ROUND, self.round_of)
 
-    def _whole(self, x: Number, function: Function, round_finite: Callable[[Number], Number]) -> Number:
+    def _whole(
+        self, x: ExtendedReal, function: Function, round_finite: Callable[[ExtendedReal], ExtendedReal]
+    ) -> ExtendedReal:
         """Return a number rounded to an integer; NaN and infinities are unchanged."""
         folded = fold(lambda v: unary_function(function, v), (x,))
         if folded is not None:
@@ -307,9 +313,9 @@ class Arithmetic:
         if is_false(x.infinite):
             return _or_nan(x.nan, rounded)
         value = pick(x.infinite, x.value, rounded.value)
-        return Number(value, x.nan, x.infinite, replace(rounded.bounds, whole=False))
+        return ExtendedReal(value, x.nan, x.infinite, replace(rounded.bounds, whole=False))
 
-    def floor_of(self, x: Number) -> Number:
+    def floor_of(self, x: ExtendedReal) -> ExtendedReal:
         """Return the floor of a finite number; few possible values are enumerated, which solves faster."""
         if x.bounds.whole:
             return x
@@ -322,7 +328,7 @@ class Arithmetic:
             self.builder.define(term, cast(z3.BoolRef, x.value < z3.ToReal(term) + 1))
         return whole_number(term, _whole_bounds(low, high))
 
-    def round_of(self, x: Number) -> Number:
+    def round_of(self, x: ExtendedReal) -> ExtendedReal:
         """Return the nearest whole number to a finite one, halves to even."""
         if x.bounds.whole:
             return x
@@ -341,7 +347,7 @@ class Arithmetic:
             self.builder.define(term, implied(tie, even))
         return whole_number(term, _whole_bounds(low, high))
 
-    def _steps(self, low: int, high: int, reaches: Callable[[int], z3.BoolRef]) -> Number:
+    def _steps(self, low: int, high: int, reaches: Callable[[int], z3.BoolRef]) -> ExtendedReal:
         """Return the greatest n in low .. high that `reaches` admits, by cases."""
         steps = [reaches(n) for n in range(low + 1, high + 1)]
         cases = []
@@ -353,7 +359,7 @@ class Arithmetic:
 
     # --- functions of one number -----------------------------------------------------------------
 
-    def absolute(self, x: Number) -> Number:
+    def absolute(self, x: ExtendedReal) -> ExtendedReal:
         """Return `abs(x)`, exactly."""
         folded = fold(abs, (x,))
         if folded is not None:
@@ -362,9 +368,9 @@ class Arithmetic:
         low, high = x.bounds.low, x.bounds.high
         top = None if low is None or high is None else max(abs(low), abs(high))
         bottom = max(low or Fraction(0), -(high if high is not None else Fraction(0)), Fraction(0))
-        return replace(result, bounds=Bounds(bottom, top, x.bounds.whole))
+        return replace(result, bounds=NumberBounds(bottom, top, x.bounds.whole))
 
-    def sign(self, x: Number) -> Number:
+    def sign(self, x: ExtendedReal) -> ExtendedReal:
         """Return -1, 0 or 1; NaN for NaN."""
         folded = fold(lambda v: unary_function(Function.SIGN, v), (x,))
         if folded is not None:
@@ -374,7 +380,7 @@ class Arithmetic:
         zero = all_of((is_number, negation(up), negation(down)))
         return by_cases(((math.nan, x.nan), (1.0, up), (-1.0, down), (0.0, zero)))
 
-    def square_root(self, x: Number) -> Number:
+    def square_root(self, x: ExtendedReal) -> ExtendedReal:
         """Return `sqrt(x)`; NaN below 0."""
         folded = fold(lambda v: unary_function(Function.SQRT, v), (x,))
         if folded is not None:
@@ -384,9 +390,11 @@ class Arithmetic:
         if is_new:
             self._assume(term, bounding.square_root_facts(term, x, nan))
         bounds = bounding.square_root(x.bounds)
-        return self._mark_abstracted(Number(term, nan, x.infinite, bounds), "`sqrt`: only bounds are known")
+        return self._mark_abstracted(
+            ExtendedReal(term, nan, x.infinite, bounds), "`sqrt`: only bounds are known"
+        )
 
-    def sine(self, x: Number, function: Function) -> Number:
+    def sine(self, x: ExtendedReal, function: Function) -> ExtendedReal:
         """Return `sin(x)` or `cos(x)`; NaN for an infinity."""
         folded = fold(lambda v: unary_function(function, v), (x,))
         if folded is not None:
@@ -395,11 +403,11 @@ class Arithmetic:
         term, is_new = self.builder.auxiliary(operation, (x,), z3.RealSort())
         if is_new:
             self.builder.assume(term, all_of((cast(z3.BoolRef, term >= -1), cast(z3.BoolRef, term <= 1))))
-        bounds = Bounds(Fraction(-1), Fraction(1))
+        bounds = NumberBounds(Fraction(-1), Fraction(1))
         text = f"`{function.value}`: only bounds are known"
-        return self._mark_abstracted(Number(term, either(x.nan, x.infinite), FALSE, bounds), text)
+        return self._mark_abstracted(ExtendedReal(term, either(x.nan, x.infinite), FALSE, bounds), text)
 
-    def tangent(self, x: Number) -> Number:
+    def tangent(self, x: ExtendedReal) -> ExtendedReal:
         """Return `tan(x)`; NaN of an infinity."""
         known = fold(lambda v: unary_function(Function.TAN, v), (x,))
         if known is not None:
@@ -411,10 +419,10 @@ class Arithmetic:
         if is_new:
             one = cast(z3.BoolRef, z3.Or(term == 1, term == -1))
             self.builder.assume(cast(z3.BoolRef, pole), implied(cast(z3.BoolRef, pole), one))
-        result = Number(term, nan, infinite, UNBOUNDED)
+        result = ExtendedReal(term, nan, infinite, UNBOUNDED)
         return self._mark_abstracted(result, "`tan`: nothing is known")
 
-    def arc_sine(self, x: Number, function: Function) -> Number:
+    def arc_sine(self, x: ExtendedReal, function: Function) -> ExtendedReal:
         """Return `asin(x)` or `acos(x)` in degrees; NaN outside -1 .. 1."""
         known = fold(lambda v: unary_function(function, v), (x,))
         if known is not None:
@@ -426,10 +434,10 @@ class Arithmetic:
             self.builder.assume(term, all_of((cast(z3.BoolRef, term >= low), cast(z3.BoolRef, term <= high))))
         outside = either(x.infinite, cast(z3.BoolRef, z3.Or(x.value > 1, x.value < -1)))
         text = f"`{function.value}`: only bounds are known"
-        bounds = Bounds(Fraction(low), Fraction(high))
-        return self._mark_abstracted(Number(term, either(x.nan, outside), FALSE, bounds), text)
+        bounds = NumberBounds(Fraction(low), Fraction(high))
+        return self._mark_abstracted(ExtendedReal(term, either(x.nan, outside), FALSE, bounds), text)
 
-    def arc_tangent(self, y: Number, x: Number) -> Number:
+    def arc_tangent(self, y: ExtendedReal, x: ExtendedReal) -> ExtendedReal:
         """Return `atan2(y, x)` in degrees."""
         known = fold(direction, (y, x))
         if known is not None:
@@ -441,9 +449,9 @@ class Arithmetic:
                 self.builder.assume(term, implied(negation(nan), formula))
         bounds = bounding.arc_tangent(y, x)
         text = "`atan2`: only bounds are known"
-        return self._mark_abstracted(Number(term, nan, FALSE, bounds), text)
+        return self._mark_abstracted(ExtendedReal(term, nan, FALSE, bounds), text)
 
-    def clamp(self, x: Number, low: Number, high: Number) -> Number:
+    def clamp(self, x: ExtendedReal, low: ExtendedReal, high: ExtendedReal) -> ExtendedReal:
         """Return `min(max(x, low), high)`."""
         return least((greatest((x, low)), high))
 
@@ -451,7 +459,7 @@ class Arithmetic:
 # --- helpers -------------------------------------------------------------------------------------
 
 
-def _is_small(x: Number) -> bool:
+def _is_small(x: ExtendedReal) -> bool:
     """Return True if the sum of `x` and a finite float never overflows."""
     low, high = x.bounds.low, x.bounds.high
     return low is not None and high is not None and max(-low, high) < _SMALL_MAGNITUDE
@@ -460,25 +468,25 @@ def _is_small(x: Number) -> bool:
 _SMALL_MAGNITUDE = 2**960
 
 
-def _infinite_times_zero(x: Number, y: Number) -> z3.BoolRef:
+def _infinite_times_zero(x: ExtendedReal, y: ExtendedReal) -> z3.BoolRef:
     if is_false(x.infinite):
         return FALSE
     return all_of((x.infinite, negation(y.infinite), cast(z3.BoolRef, y.value == real(0))))
 
 
-def not_nan(x: Number) -> z3.BoolRef:
+def not_nan(x: ExtendedReal) -> z3.BoolRef:
     """Return the condition that `x` is not NaN."""
     return negation(x.nan)
 
 
-def _or_nan(nan: z3.BoolRef, x: Number) -> Number:
+def _or_nan(nan: z3.BoolRef, x: ExtendedReal) -> ExtendedReal:
     """Return `x`, or NaN where `nan` holds."""
     if is_false(nan):
         return x
     return select_number(nan, constant(math.nan), x) if x.cases else replace(x, nan=either(nan, x.nan))
 
 
-def scaled_without_cases(x: Number, factor: Fraction) -> Number:
+def scaled_without_cases(x: ExtendedReal, factor: Fraction) -> ExtendedReal:
     """Return `x` times a real, without cases, as products of cases need not be floats."""
     whole = whole_of(x)
     if whole is None:
@@ -502,8 +510,10 @@ def _reaches(x: z3.ArithRef, n: int) -> z3.BoolRef:
     return cast(z3.BoolRef, x >= half if n % 2 == 0 else x > half)
 
 
-def _whole_bounds(low: int | None, high: int | None) -> Bounds:
-    return Bounds(None if low is None else Fraction(low), None if high is None else Fraction(high), True)
+def _whole_bounds(low: int | None, high: int | None) -> NumberBounds:
+    return NumberBounds(
+        None if low is None else Fraction(low), None if high is None else Fraction(high), True
+    )
 
 
 # --- bearings -----------------------------------------------------------------------------------------
@@ -516,7 +526,7 @@ def _whole_bounds(low: int | None, high: int | None) -> Bounds:
 _ZERO = constant(0.0)
 
 
-def nearest(angle: Number, bearings: Bearings, arithmetic: Arithmetic) -> Number:
+def nearest(angle: ExtendedReal, bearings: Bearings, arithmetic: Arithmetic) -> ExtendedReal:
     """Return the index of the element whose bearing is nearest to an angle, NaN where there is none."""
     table, is_finite = lookup(bearings), finite(angle)
     above = _conditions_above(angle, table.breaks, arithmetic)
@@ -528,7 +538,9 @@ def nearest(angle: Number, bearings: Bearings, arithmetic: Arithmetic) -> Number
     return by_cases(cases)
 
 
-def _conditions_above(angle: Number, breaks: tuple[float, ...], arithmetic: Arithmetic) -> list[z3.BoolRef]:
+def _conditions_above(
+    angle: ExtendedReal, breaks: tuple[float, ...], arithmetic: Arithmetic
+) -> list[z3.BoolRef]:
     """Return the conditions that an angle, taken to [0, 360), is above each of some floats."""
     low, high = angle.bounds.low, angle.bounds.high
     if low is None or high is None or low < -TURN or high >= TURN:

@@ -16,7 +16,7 @@ import z3
 
 from colony.verify.symbolic.logic import all_of, any_of, both, either, implied, is_false, negation, real
 from colony.verify.symbolic.numbers import always_finite, finite, negative_value, positive_value
-from colony.verify.symbolic.system import UNBOUNDED, Bounds, Number
+from colony.verify.symbolic.system import UNBOUNDED, ExtendedReal, NumberBounds
 
 NonlinearFact = tuple[z3.BoolRef, bool]
 """A formula, and True if it holds only for reals."""
@@ -24,73 +24,73 @@ NonlinearFact = tuple[z3.BoolRef, bool]
 _OVERFLOW_BOUND = Fraction(2**1023)
 
 
-def never_overflows(x: Bounds) -> bool:
+def never_overflows(x: NumberBounds) -> bool:
     """Return True if no number within the bounds overflows."""
     return (
         x.low is not None and x.high is not None and x.low >= -_OVERFLOW_BOUND and x.high <= _OVERFLOW_BOUND
     )
 
 
-def float_bounds(x: Bounds) -> Bounds:
+def float_bounds(x: NumberBounds) -> NumberBounds:
     """Return the bounds of a number within `x` after rounding; no bound where it may become infinite."""
     low = None if x.low is None or x.low < -_OVERFLOW_BOUND else _nearest(x.low)
     high = None if x.high is None or x.high > _OVERFLOW_BOUND else _nearest(x.high)
-    return Bounds(low, high, x.whole)
+    return NumberBounds(low, high, x.whole)
 
 
 def _nearest(x: Fraction) -> Fraction:
     return Fraction(float(min(max(x, -_OVERFLOW_BOUND), _OVERFLOW_BOUND)))
 
 
-def rounded(x: Bounds) -> Bounds:
+def rounded(x: NumberBounds) -> NumberBounds:
     """Return bounds that hold for a number within `x` both before and after rounding."""
     after = float_bounds(x)
     low = None if after.low is None or x.low is None else min(x.low, after.low)
     high = None if after.high is None or x.high is None else max(x.high, after.high)
-    return Bounds(low, high, x.whole)
+    return NumberBounds(low, high, x.whole)
 
 
-def product(x: Bounds, y: Bounds) -> Bounds:
+def product(x: NumberBounds, y: NumberBounds) -> NumberBounds:
     """Return the bounds of a product."""
     if None in (x.low, x.high, y.low, y.high):
         positive = _at_least_zero(x) and _at_least_zero(y)
-        return Bounds(Fraction(0) if positive else None, None)
+        return NumberBounds(Fraction(0) if positive else None, None)
     ends = [a * b for a in _ends(x) for b in _ends(y)]
-    return Bounds(min(ends), max(ends))
+    return NumberBounds(min(ends), max(ends))
 
 
-def _at_least_zero(x: Bounds) -> bool:
+def _at_least_zero(x: NumberBounds) -> bool:
     return x.low is not None and x.low >= 0
 
 
-def _ends(x: Bounds) -> tuple[Fraction, Fraction]:
+def _ends(x: NumberBounds) -> tuple[Fraction, Fraction]:
     assert x.low is not None
     assert x.high is not None
     return x.low, x.high
 
 
-def quotient(x: Bounds, y: Bounds) -> Bounds:
+def quotient(x: NumberBounds, y: NumberBounds) -> NumberBounds:
     """Return the bounds of a quotient of finite numbers; unbounded if the divisor may be 0."""
     if y.low is not None and y.low > 0:
-        inverse = Bounds(Fraction(0) if y.high is None else 1 / y.high, 1 / y.low)
+        inverse = NumberBounds(Fraction(0) if y.high is None else 1 / y.high, 1 / y.low)
     elif y.high is not None and y.high < 0:
-        inverse = Bounds(1 / y.high, Fraction(0) if y.low is None else 1 / y.low)
+        inverse = NumberBounds(1 / y.high, Fraction(0) if y.low is None else 1 / y.low)
     else:
         return UNBOUNDED
     return product(x, inverse)
 
 
-def modulo(y: Bounds) -> Bounds:
+def modulo(y: NumberBounds) -> NumberBounds:
     """Return the bounds of a remainder by `y`: between 0 and `y`."""
     low = None if y.low is None else min(y.low, Fraction(0))
     high = None if y.high is None else max(y.high, Fraction(0))
-    return Bounds(low, high)
+    return NumberBounds(low, high)
 
 
-def square_root(x: Bounds) -> Bounds:
+def square_root(x: NumberBounds) -> NumberBounds:
     """Return rough bounds of a square root."""
     high = None if x.high is None else _root_above(x.high)
-    return Bounds(Fraction(0), high)
+    return NumberBounds(Fraction(0), high)
 
 
 def _root_above(x: Fraction) -> Fraction:
@@ -98,15 +98,15 @@ def _root_above(x: Fraction) -> Fraction:
     return Fraction(math.nextafter(math.sqrt(float(max(x, Fraction(0)))), math.inf)) if x < 10**300 else x
 
 
-def arc_tangent(y: Number, x: Number) -> Bounds:
+def arc_tangent(y: ExtendedReal, x: ExtendedReal) -> NumberBounds:
     """Return the bounds of `atan2(y, x)` from the sign of `y`; -0.0 may count as below 0."""
     half = 90 if x.bounds.low is not None and x.bounds.low > 0 else 180
     low = 0 if y.bounds.low is not None and y.bounds.low > 0 else -half
     high = 0 if y.bounds.high is not None and y.bounds.high < 0 else half
-    return Bounds(Fraction(low), Fraction(high))
+    return NumberBounds(Fraction(low), Fraction(high))
 
 
-def floor_bounds(x: Bounds) -> tuple[int | None, int | None]:
+def floor_bounds(x: NumberBounds) -> tuple[int | None, int | None]:
     """Return the bounds of the floor."""
     return (
         None if x.low is None else math.floor(x.low),
@@ -114,7 +114,7 @@ def floor_bounds(x: Bounds) -> tuple[int | None, int | None]:
     )
 
 
-def round_bounds(x: Bounds) -> tuple[int | None, int | None]:
+def round_bounds(x: NumberBounds) -> tuple[int | None, int | None]:
     """Return the bounds of the nearest whole number, halves to even."""
     return None if x.low is None else round(x.low), None if x.high is None else round(x.high)
 
@@ -122,7 +122,7 @@ def round_bounds(x: Bounds) -> tuple[int | None, int | None]:
 # --- assumptions ---------------------------------------------------------------------------------
 
 
-def between(term: z3.ArithRef, bounds: Bounds) -> Iterator[z3.BoolRef]:
+def between(term: z3.ArithRef, bounds: NumberBounds) -> Iterator[z3.BoolRef]:
     """Yield the conditions that a term is within bounds."""
     if bounds.low is not None:
         yield cast(z3.BoolRef, term >= real(bounds.low))
@@ -130,17 +130,17 @@ def between(term: z3.ArithRef, bounds: Bounds) -> Iterator[z3.BoolRef]:
         yield cast(z3.BoolRef, term <= real(bounds.high))
 
 
-def within(x: Number, bounds: Bounds) -> z3.BoolRef:
+def within(x: ExtendedReal, bounds: NumberBounds) -> z3.BoolRef:
     """Return the condition that `x` is within `bounds` if it is finite."""
     inside = all_of(between(x.value, bounds))
     return inside if always_finite(x) else implied(finite(x), inside)
 
 
-def _is_zero(x: Number) -> z3.BoolRef:
+def _is_zero(x: ExtendedReal) -> z3.BoolRef:
     return negation(either(positive_value(x), negative_value(x)))
 
 
-def _sign_rules(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
+def _sign_rules(p: z3.ArithRef, x: ExtendedReal, y: ExtendedReal) -> Iterator[z3.BoolRef]:
     """Yield rules for the sign of a product or quotient; small ones may round to 0."""
     same_sign = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
     opposite_sign = either(
@@ -150,7 +150,9 @@ def _sign_rules(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
     yield implied(opposite_sign, cast(z3.BoolRef, p <= 0))
 
 
-def product_facts(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Iterator[NonlinearFact]:
+def product_facts(
+    p: z3.ArithRef, x: ExtendedReal, y: ExtendedReal, bounds: NumberBounds
+) -> Iterator[NonlinearFact]:
     """Yield facts about a product: its sign, zero operands, and linear bounds."""
     both_finite = both(finite(x), finite(y))
     rules = [*_sign_rules(p, x, y), implied(either(_is_zero(x), _is_zero(y)), cast(z3.BoolRef, p == 0))]
@@ -163,7 +165,7 @@ def product_facts(p: z3.ArithRef, x: Number, y: Number, bounds: Bounds) -> Itera
             yield formula, False
 
 
-def _infinite_sign(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
+def _infinite_sign(p: z3.ArithRef, x: ExtendedReal, y: ExtendedReal) -> Iterator[z3.BoolRef]:
     """Yield rules for the sign of an infinite result, from the signs of its operands."""
     infinite = either(x.infinite, y.infinite)
     same_sign = either(both(positive_value(x), positive_value(y)), both(negative_value(x), negative_value(y)))
@@ -174,7 +176,7 @@ def _infinite_sign(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]
     yield implied(both(infinite, opposite_sign), cast(z3.BoolRef, p < 0))
 
 
-def _envelope(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
+def _envelope(p: z3.ArithRef, x: ExtendedReal, y: ExtendedReal) -> Iterator[z3.BoolRef]:
     """Yield McCormick's linear bounds of a product, one for each pair of interval ends."""
     v, w, a, b = x.value, y.value, x.bounds, y.bounds
     for s, t, below in (
@@ -189,7 +191,13 @@ def _envelope(p: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
 
 
 def quotient_facts(
-    q: z3.ArithRef, x: Number, y: Number, by_zero: z3.BoolRef, nan: z3.BoolRef, bounds: Bounds, precise: bool
+    q: z3.ArithRef,
+    x: ExtendedReal,
+    y: ExtendedReal,
+    by_zero: z3.BoolRef,
+    nan: z3.BoolRef,
+    bounds: NumberBounds,
+    precise: bool,
 ) -> Iterator[NonlinearFact]:
     """Yield facts about a quotient: its sign and bounds; division by zero gives either infinity."""
     is_ordinary = all_of((finite(x), finite(y), negation(by_zero)))
@@ -209,7 +217,7 @@ def quotient_facts(
         yield implied(both(finite(x), y.infinite), cast(z3.BoolRef, q == 0)), False
 
 
-def _linear_quotient(q: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRef]:
+def _linear_quotient(q: z3.ArithRef, x: ExtendedReal, y: ExtendedReal) -> Iterator[z3.BoolRef]:
     """Yield linear bounds of a quotient by a positive divisor: the dividend over each end of the divisor."""
     low, high = y.bounds.low, y.bounds.high
     if low is None or low <= 0:
@@ -224,7 +232,9 @@ def _linear_quotient(q: z3.ArithRef, x: Number, y: Number) -> Iterator[z3.BoolRe
         yield implied(down, cast(z3.BoolRef, q <= farthest))
 
 
-def modulo_facts(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Iterator[NonlinearFact]:
+def modulo_facts(
+    r: z3.ArithRef, x: ExtendedReal, y: ExtendedReal, nan: z3.BoolRef
+) -> Iterator[NonlinearFact]:
     """Yield facts about a remainder: it is between 0 and the divisor.
 
     A remainder by infinity is the dividend, or the divisor if their signs are opposite.
@@ -242,7 +252,7 @@ def modulo_facts(r: z3.ArithRef, x: Number, y: Number, nan: z3.BoolRef) -> Itera
         yield implied(both(by_infinity, negation(opposite_signs)), _bool(r == x.value)), False
 
 
-def has_sign_of(r: z3.ArithRef, y: Number) -> z3.BoolRef:
+def has_sign_of(r: z3.ArithRef, y: ExtendedReal) -> z3.BoolRef:
     """Return the condition that `r` has the sign of `y`."""
     return any_of((both(positive_value(y), _bool(r > 0)), both(negative_value(y), _bool(r < 0))))
 
@@ -251,7 +261,7 @@ def _bool(formula: object) -> z3.BoolRef:
     return cast(z3.BoolRef, formula)
 
 
-def square_root_facts(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[NonlinearFact]:
+def square_root_facts(r: z3.ArithRef, x: ExtendedReal, nan: z3.BoolRef) -> Iterator[NonlinearFact]:
     """Yield facts about a square root: at least 0, and between 1 and the operand."""
     is_number = negation(nan)
     yield implied(is_number, _bool(r >= 0)), False
@@ -264,7 +274,7 @@ def square_root_facts(r: z3.ArithRef, x: Number, nan: z3.BoolRef) -> Iterator[No
         yield implied(finite_root, _bool(r <= real(high))), False
 
 
-def arc_tangent_facts(r: z3.ArithRef, y: Number, x: Number) -> Iterator[z3.BoolRef]:
+def arc_tangent_facts(r: z3.ArithRef, y: ExtendedReal, x: ExtendedReal) -> Iterator[z3.BoolRef]:
     """Yield facts about an angle: its quadrant, in some cases its octant; the sign of zero is unknown."""
     yield all_of(map(_bool, (r >= -180, r <= 180)))
     yield implied(positive_value(y), _bool(r >= 0))

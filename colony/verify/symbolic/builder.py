@@ -14,17 +14,17 @@ from colony.verify.symbolic.logic import FALSE, any_of, both, either, is_false, 
 from colony.verify.symbolic.system import (
     UNBOUNDED,
     Auxiliary,
-    Bounds,
-    Cell,
+    ExtendedReal,
     Fact,
     FactKind,
     Inexact,
     InexactTerm,
-    Number,
+    NumberBounds,
     Operation,
     Reason,
     Scalar,
     Shape,
+    SymbolicCell,
     Term,
 )
 
@@ -34,7 +34,7 @@ from colony.verify.symbolic.system import (
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
-class FrameValues:
+class SymbolicValues:
     """The values of one frame. Mutable: filled in the order in which a frame is computed.
 
     A value has a term even where it is missing; there the term is arbitrary.
@@ -56,7 +56,7 @@ class FrameValues:
     sent: dict[tuple[str, int], tuple[z3.BoolRef, Scalar]] = field(default_factory=dict)  # missing, value
 
 
-def missing(e: ir.Expression, frame_values: FrameValues, own_lets: Set[str] = frozenset()) -> z3.BoolRef:
+def missing(e: ir.Expression, frame_values: SymbolicValues, own_lets: Set[str] = frozenset()) -> z3.BoolRef:
     """Return the condition that something `e` needs is missing; `own_lets` count as present."""
     match e:
         case ir.SensorValue(name=name):
@@ -74,7 +74,7 @@ def missing(e: ir.Expression, frame_values: FrameValues, own_lets: Set[str] = fr
 
 
 def evaluation_condition(
-    condition: z3.BoolRef, e: ir.Expression, frame_values: FrameValues, own_lets: Set[str]
+    condition: z3.BoolRef, e: ir.Expression, frame_values: SymbolicValues, own_lets: Set[str]
 ) -> z3.BoolRef:
     """Return the condition under which `e` is evaluated: `condition`, and nothing it needs is missing."""
     return both(condition, negation(missing(e, frame_values, own_lets)))
@@ -86,17 +86,17 @@ Result = TypeVar("Result")
 
 
 @dataclass(frozen=False, slots=True, kw_only=True)
-class Builder:
+class SystemBuilder:
     """Collects the parts of a `System`. Mutable. Keeps terms alive, so that their ids stay unique."""
 
     precise: bool
     shapes: Mapping[str, Shape]  # known shapes of numbers in memory, by cell name
     facts: list[Fact] = field(default_factory=list)
     auxiliaries: list[Auxiliary] = field(default_factory=list)
-    cells: list[Cell] = field(default_factory=list)
+    cells: list[SymbolicCell] = field(default_factory=list)
     inexact: dict[int, InexactTerm] = field(default_factory=dict)
     kept: list[z3.ExprRef] = field(default_factory=list)
-    numbers_in_memory: dict[str, tuple[Number, Number, Number]] = field(
+    numbers_in_memory: dict[str, tuple[ExtendedReal, ExtendedReal, ExtendedReal]] = field(
         default_factory=dict
     )  # initial, old, new
     _cache: dict[tuple[Any, ...], Any] = field(default_factory=dict)
@@ -126,7 +126,7 @@ class Builder:
         return tuple(i for x in scalars for i in self._key(x))
 
     def _key(self, x: Scalar) -> tuple[int, ...]:
-        return self.keep(x.value, x.nan, x.infinite) if isinstance(x, Number) else self.keep(x)
+        return self.keep(x.value, x.nan, x.infinite) if isinstance(x, ExtendedReal) else self.keep(x)
 
     # --- facts -----------------------------------------------------------------------------------
 
@@ -147,7 +147,7 @@ class Builder:
             self.facts.append(fact)
 
     def auxiliary(
-        self, operation: Operation, operands: tuple[Number, ...], sort: z3.SortRef
+        self, operation: Operation, operands: tuple[ExtendedReal, ...], sort: z3.SortRef
     ) -> tuple[z3.ArithRef, bool]:
         """Return the constant for this operation on these operands, and True if it is new."""
         key = (operation, self.key(*operands))
@@ -160,7 +160,7 @@ class Builder:
 
         return self.once(key, make), is_new
 
-    def overflow(self, x: Number, span: Span) -> z3.BoolRef:
+    def overflow(self, x: ExtendedReal, span: Span) -> z3.BoolRef:
         """Return the condition that the program's float is infinite but `x` is not; false for reals."""
         constant, is_new = self.auxiliary(Operation.OVERFLOW, (x,), z3.BoolSort())
         overflows = cast(z3.BoolRef, constant)
@@ -173,7 +173,7 @@ class Builder:
 
     def named(self, x: Scalar, hint: str) -> Scalar:
         """Return `x` with a constant in place of its value, unless that is a constant already."""
-        if not isinstance(x, Number) or x.cases or x.value.num_args() == 0:
+        if not isinstance(x, ExtendedReal) or x.cases or x.value.num_args() == 0:
             return x
         if x.whole is not None:
             if x.whole.num_args() == 0:
@@ -193,7 +193,7 @@ class Builder:
     # --- reasons ---------------------------------------------------------------------------------
 
     def mark_number_inexact(
-        self, x: Number, reason: Reason, floats: tuple[z3.ArithRef, ...] = (), *, is_sum: bool = False
+        self, x: ExtendedReal, reason: Reason, floats: tuple[z3.ArithRef, ...] = (), *, is_sum: bool = False
     ) -> None:
         """Record why `x` is inexact; the bounds of a finite value are those of the program's float."""
         term = x.value if x.whole is None else x.whole
@@ -204,7 +204,7 @@ class Builder:
         self,
         term: z3.ExprRef,
         reason: Reason,
-        bounds: Bounds = UNBOUNDED,
+        bounds: NumberBounds = UNBOUNDED,
         floats: tuple[z3.ArithRef, ...] = (),
         *,
         is_sum: bool = False,
@@ -225,7 +225,7 @@ class Builder:
         """Add a cell and return its old value; `close_cell` must follow."""
         old = z3.Const(name, sort)
         self._open_cells[name] = len(self.cells)
-        self.cells.append(Cell(name=name, old=old, next=old, initial=initial))
+        self.cells.append(SymbolicCell(name=name, old=old, next=old, initial=initial))
         return old
 
     def close_cell(self, name: str, next_value: z3.ExprRef) -> None:

@@ -18,7 +18,7 @@ from typing import TypeVar
 import z3
 
 from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, integer, is_false, pick, real
-from colony.verify.symbolic.system import UNBOUNDED, Bounds, Case, Number
+from colony.verify.symbolic.system import UNBOUNDED, Case, ExtendedReal, NumberBounds
 
 Result = TypeVar("Result", float, bool)
 
@@ -28,35 +28,37 @@ MAX_CASES = 64
 MAX_FLOAT = Fraction(sys.float_info.max)
 
 
-def constant(x: float) -> Number:
+def constant(x: float) -> ExtendedReal:
     """Return the float `x`."""
     return _constant(x, math.copysign(1.0, x))
 
 
 @lru_cache(maxsize=4096)
-def _constant(x: float, sign: float) -> Number:
+def _constant(x: float, sign: float) -> ExtendedReal:
     """Return the float `x` of this sign; the sign distinguishes the two zeros."""
     cases = ((x, TRUE),)
     if math.isnan(x):
-        return Number(real(0), TRUE, FALSE, cases=cases)
+        return ExtendedReal(real(0), TRUE, FALSE, cases=cases)
     if math.isinf(x):
-        bounds = Bounds(MAX_FLOAT, None) if x > 0 else Bounds(None, -MAX_FLOAT)
-        return Number(real(1 if x > 0 else -1), FALSE, TRUE, bounds, cases=cases)
+        bounds = NumberBounds(MAX_FLOAT, None) if x > 0 else NumberBounds(None, -MAX_FLOAT)
+        return ExtendedReal(real(1 if x > 0 else -1), FALSE, TRUE, bounds, cases=cases)
     exact = Fraction(x)
     whole = integer(exact.numerator) if exact.denominator == 1 else None
-    return Number(real(exact), FALSE, FALSE, Bounds(exact, exact, whole is not None), whole, cases)
+    return ExtendedReal(
+        real(exact), FALSE, FALSE, NumberBounds(exact, exact, whole is not None), whole, cases
+    )
 
 
-def constant_of(x: Number) -> float | None:
+def constant_of(x: ExtendedReal) -> float | None:
     """Return the value of `x` if it is a constant, else None."""
     return x.cases[0][0] if len(x.cases) == 1 else None
 
 
-ANY_ZERO = Number(real(0), FALSE, FALSE, Bounds(Fraction(0), Fraction(0), True), integer(0))
+ANY_ZERO = ExtendedReal(real(0), FALSE, FALSE, NumberBounds(Fraction(0), Fraction(0), True), integer(0))
 """0.0 or -0.0."""
 
 
-def by_cases(cases: Iterable[Case], loose_zero: bool = False) -> Number:
+def by_cases(cases: Iterable[Case], loose_zero: bool = False) -> ExtendedReal:
     """Return a number from its cases, exactly one of which applies.
 
     With `loose_zero`, the case 0 may be -0.0 as well.
@@ -78,23 +80,23 @@ def by_cases(cases: Iterable[Case], loose_zero: bool = False) -> Number:
     return replace(with_cases(value, kept), loose_zero=loose_zero)
 
 
-def with_cases(value: z3.ArithRef, cases: tuple[Case, ...]) -> Number:
+def with_cases(value: z3.ArithRef, cases: tuple[Case, ...]) -> ExtendedReal:
     """Return a number with this term as its value and these cases."""
     nan = any_of(c for x, c in cases if math.isnan(x))
     infinite = any_of(c for x, c in cases if math.isinf(x))
     case_bounds = [constant(x).bounds for x, _ in cases if not math.isnan(x)]
     if not case_bounds:
-        return Number(value, nan, infinite, UNBOUNDED, None, cases)
+        return ExtendedReal(value, nan, infinite, UNBOUNDED, None, cases)
     whole = all(x.is_integer() for x, _ in cases if math.isfinite(x))
     bounds = replace(reduce(hull, case_bounds), whole=whole)
-    return Number(value, nan, infinite, bounds, None, cases)
+    return ExtendedReal(value, nan, infinite, bounds, None, cases)
 
 
 def _float_of(key: tuple[float, float] | None) -> float:
     return math.nan if key is None else key[0]
 
 
-def whole_of(x: Number) -> z3.ArithRef | None:
+def whole_of(x: ExtendedReal) -> z3.ArithRef | None:
     """Return `x` as a term of sort Int if it is whole, else None; an infinity gives its sign."""
     if x.whole is not None or not x.cases:
         return x.whole
@@ -110,7 +112,9 @@ def whole_of(x: Number) -> z3.ArithRef | None:
 # --- functions of floats -------------------------------------------------------------------------
 
 
-def case_results(apply: Callable[..., Result], operands: Sequence[Number]) -> list[tuple[Result, z3.BoolRef]]:
+def case_results(
+    apply: Callable[..., Result], operands: Sequence[ExtendedReal]
+) -> list[tuple[Result, z3.BoolRef]]:
     """Return a function's result for each combination of cases; empty if there are too many.
 
     The function must not distinguish the two zeros.
@@ -118,7 +122,7 @@ def case_results(apply: Callable[..., Result], operands: Sequence[Number]) -> li
     return [(apply(*values), condition) for values, condition in _combinations(operands)]
 
 
-def fold(apply: Callable[..., float], operands: Sequence[Number]) -> Number | None:
+def fold(apply: Callable[..., float], operands: Sequence[ExtendedReal]) -> ExtendedReal | None:
     """Apply a function to each combination of cases, bit for bit.
 
     None if there are too many combinations, or if the sign of a loose zero matters.
@@ -140,7 +144,7 @@ def fold(apply: Callable[..., float], operands: Sequence[Number]) -> Number | No
     return by_cases(cases, loose_zero) if cases else None
 
 
-def _combinations(operands: Sequence[Number]) -> list[tuple[tuple[float, ...], z3.BoolRef]]:
+def _combinations(operands: Sequence[ExtendedReal]) -> list[tuple[tuple[float, ...], z3.BoolRef]]:
     """Return all combinations of cases with their conditions; empty if there are too many."""
     if not 0 < math.prod(len(x.cases) for x in operands) <= MAX_CASES:
         return []
@@ -148,8 +152,8 @@ def _combinations(operands: Sequence[Number]) -> list[tuple[tuple[float, ...], z
     return [(tuple(v for v, _ in row), all_of(condition for _, condition in row)) for row in rows]
 
 
-def hull(x: Bounds, y: Bounds) -> Bounds:
+def hull(x: NumberBounds, y: NumberBounds) -> NumberBounds:
     """Return the tightest bounds that contain `x` and `y`."""
     low = None if x.low is None or y.low is None else min(x.low, y.low)
     high = None if x.high is None or y.high is None else max(x.high, y.high)
-    return Bounds(low, high, x.whole and y.whole)
+    return NumberBounds(low, high, x.whole and y.whole)

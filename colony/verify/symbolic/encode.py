@@ -11,17 +11,16 @@ import z3
 from colony.ir import program as ir
 from colony.ir.program import Contract, Program
 from colony.ir.types import Bool, Enum, Quantity
-from colony.verify.symbolic.builder import Builder, FrameValues
-from colony.verify.symbolic.expressions import Expressions
+from colony.verify.symbolic.builder import SymbolicValues, SystemBuilder
+from colony.verify.symbolic.expressions import ExpressionEncoder
 from colony.verify.symbolic.inputs import begin, bounds_of, enumerator_input, finite_input, sense
 from colony.verify.symbolic.logic import FALSE, TRUE, both, either, negation
 from colony.verify.symbolic.modules import ContractEncoder, DeclarationEncoder
-from colony.verify.symbolic.network import NetworkEncoder
-from colony.verify.symbolic.sending import Bound, limits, send
+from colony.verify.symbolic.network import ActiveLimit, NetworkEncoder, limits, send
 from colony.verify.symbolic.shapes import with_stable_shapes
 from colony.verify.symbolic.system import (
     ActuatorTerms,
-    Claim,
+    ContractFormula,
     Disturbance,
     DisturbanceInputs,
     Fact,
@@ -44,13 +43,13 @@ _NONE: Mapping[str, Shape] = {}
 class FrameParts:
     """The parts of an encoded frame."""
 
-    frame_values: FrameValues
+    frame_values: SymbolicValues
     sensors: Mapping[str, SensorInput]
     modules: Mapping[str, ModuleTerms]
     python: Mapping[str, PythonInput]
-    bounds: Sequence[Bound]
+    bounds: Sequence[ActiveLimit]
     actuators: Mapping[str, ActuatorTerms]
-    claims: tuple[Claim, ...]
+    claims: tuple[ContractFormula, ...]
 
 
 def encode(
@@ -66,8 +65,8 @@ def encode(
     those that it may preserve.
     """
 
-    def encode_with(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
-        builder = Builder(precise=precise, shapes=dict(shapes))
+    def encode_with(shapes: Mapping[str, Shape]) -> tuple[SystemBuilder, System]:
+        builder = SystemBuilder(precise=precise, shapes=dict(shapes))
         return builder, system_of(program, builder, encode_frame(program, builder))
 
     return with_reasons(with_stable_shapes(encode_with, known, guess))
@@ -81,10 +80,10 @@ class OpenEncoding:
     """
 
     def __init__(self, program: Program, guess: Mapping[str, Shape] = _NONE) -> None:
-        encodings: list[tuple[Builder, FrameParts, System]] = []
+        encodings: list[tuple[SystemBuilder, FrameParts, System]] = []
 
-        def encode_with(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
-            builder = Builder(precise=False, shapes=dict(shapes))
+        def encode_with(shapes: Mapping[str, Shape]) -> tuple[SystemBuilder, System]:
+            builder = SystemBuilder(precise=False, shapes=dict(shapes))
             parts = encode_frame(program, builder)
             encodings.append((builder, parts, system_of(program, builder, parts)))
             return builder, encodings[-1][2]
@@ -96,7 +95,7 @@ class OpenEncoding:
         self._fact_count = len(self._builder.facts)
         self.system = replace(stable, facts=self._facts)
 
-    def claim(self, contract: Contract) -> Claim:
+    def claim(self, contract: Contract) -> ContractFormula:
         """Return a contract as a claim about the frame, without its reasons."""
         claim = contract_claim(contract, self._builder, self._frame_values)
         assert len(self._builder.cells) == len(self.system.cells), "the claim has memory"
@@ -107,7 +106,7 @@ class OpenEncoding:
         return claim
 
 
-def encode_frame(program: Program, builder: Builder) -> FrameParts:
+def encode_frame(program: Program, builder: SystemBuilder) -> FrameParts:
     """Encode one frame of `program`, contracts included."""
     frame_values = begin(program.robot, builder)
     sensors = sense(program, builder, frame_values)
@@ -129,7 +128,7 @@ def encode_frame(program: Program, builder: Builder) -> FrameParts:
     )
 
 
-def system_of(program: Program, builder: Builder, parts: FrameParts) -> System:
+def system_of(program: Program, builder: SystemBuilder, parts: FrameParts) -> System:
     """Return the transition system of a frame that was encoded with `builder`."""
     frame_values = parts.frame_values
     return System(
@@ -161,15 +160,15 @@ def system_of(program: Program, builder: Builder, parts: FrameParts) -> System:
 
 
 def contract_claim(
-    contract: Contract, builder: Builder, frame_values: FrameValues, name: str | None = None
-) -> Claim:
+    contract: Contract, builder: SystemBuilder, frame_values: SymbolicValues, name: str | None = None
+) -> ContractFormula:
     """Encode a contract as a claim, called as the contract unless `name` is given."""
     name = contract.name if name is None else name
-    expressions = Expressions(
+    expressions = ExpressionEncoder(
         builder=builder, frame_values=frame_values, advances=TRUE, hint=f"contract {name}"
     )
     holds = ContractEncoder(expressions=expressions).holds(contract.expression)
-    return Claim(name=name, holds=holds, span=contract.span)
+    return ContractFormula(name=name, holds=holds, span=contract.span)
 
 
 def by_constant(facts: Sequence[Fact]) -> dict[int, tuple[Fact, ...]]:
@@ -205,8 +204,8 @@ def encode_disturbed(usual: System) -> System:
     """Return `usual`, of `encode`, extended by all disturbances; `inexact` of its claims is left empty."""
     program = usual.program
 
-    def encode_with(shapes: Mapping[str, Shape]) -> tuple[Builder, System]:
-        builder = Builder(precise=False, shapes=dict(shapes))
+    def encode_with(shapes: Mapping[str, Shape]) -> tuple[SystemBuilder, System]:
+        builder = SystemBuilder(precise=False, shapes=dict(shapes))
         parts = encode_frame(program, builder)
         claims, inputs = list(parts.claims), {}
         for disturbance in Disturbance:
@@ -219,8 +218,8 @@ def encode_disturbed(usual: System) -> System:
 
 
 def _disturbed(
-    program: ir.Program, builder: Builder, parts: FrameParts, disturbance: Disturbance
-) -> tuple[DisturbanceInputs, list[Claim]]:
+    program: ir.Program, builder: SystemBuilder, parts: FrameParts, disturbance: Disturbance
+) -> tuple[DisturbanceInputs, list[ContractFormula]]:
     """Encode a disturbance, and each contract under it."""
     label = f" {disturbance.value}"
     inputs = _inputs(program, builder, disturbance, label)
@@ -241,8 +240,8 @@ def _disturbed(
 
 
 def _network(
-    program: ir.Program, builder: Builder, usual: FrameValues, inputs: DisturbanceInputs
-) -> FrameValues:
+    program: ir.Program, builder: SystemBuilder, usual: SymbolicValues, inputs: DisturbanceInputs
+) -> SymbolicValues:
     """Return the values of a frame before its decisions, without the modules that are lost."""
     frame_values = replace(usual, active=dict(usual.active), wins=dict(usual.wins), commanded={}, sent={})
     if inputs.lost:
@@ -252,7 +251,9 @@ def _network(
     return frame_values
 
 
-def _inputs(program: ir.Program, builder: Builder, disturbance: Disturbance, label: str) -> DisturbanceInputs:
+def _inputs(
+    program: ir.Program, builder: SystemBuilder, disturbance: Disturbance, label: str
+) -> DisturbanceInputs:
     """Return free inputs of a disturbance."""
     actuators = program.robot.actuators
     outside = {}
@@ -265,12 +266,12 @@ def _inputs(program: ir.Program, builder: Builder, disturbance: Disturbance, lab
     )
 
 
-def _outside(actuator: ir.Actuator, builder: Builder, label: str) -> OutsideInput:
+def _outside(actuator: ir.Actuator, builder: SystemBuilder, label: str) -> OutsideInput:
     fields = tuple(_field(f"{actuator.name}.{f.name} commanded{label}", f, builder) for f in actuator.fields)
     return OutsideInput(commands=z3.Bool(f"{actuator.name} commanded{label}"), fields=fields)
 
 
-def _field(name: str, field: ir.ActuatorField, builder: Builder) -> Scalar:
+def _field(name: str, field: ir.ActuatorField, builder: SystemBuilder) -> Scalar:
     """Return an arbitrary finite field within its range."""
     match field.type:
         case Bool():

@@ -15,7 +15,7 @@ import z3
 from colony.ir import expression as ir
 from colony.ir.types import Array, ScalarValue, element_type
 from colony.verify.symbolic.arithmetic import Arithmetic, nearest
-from colony.verify.symbolic.builder import Builder, FrameValues, evaluation_condition, missing
+from colony.verify.symbolic.builder import SymbolicValues, SystemBuilder, evaluation_condition, missing
 from colony.verify.symbolic.cases import by_cases, constant, whole_of
 from colony.verify.symbolic.functions import (
     apply,
@@ -30,11 +30,11 @@ from colony.verify.symbolic.functions import (
 from colony.verify.symbolic.logic import FALSE, TRUE, any_of, both, either, is_false, negation, truth
 from colony.verify.symbolic.memory import recall, seconds
 from colony.verify.symbolic.numbers import compared, finite, select
-from colony.verify.symbolic.system import Number, Scalar, Term
+from colony.verify.symbolic.system import ExtendedReal, Scalar, Term
 
 
 @dataclass(frozen=True, slots=True)
-class Round:
+class SymbolicRound:
     """A round of a reduction: its variable, the variable's value, and the elements of its arrays by name."""
 
     variable: str
@@ -42,7 +42,7 @@ class Round:
     elements: Mapping[str, Any]
 
 
-Loop = tuple[Round, ...]
+Loop = tuple[SymbolicRound, ...]
 """The present rounds of the enclosing reductions, outermost first."""
 
 
@@ -102,15 +102,15 @@ def elements(value: Term) -> tuple[Scalar, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Expressions:
+class ExpressionEncoder:
     """Encodes expressions of one owner, whose memory advances where `advances` holds.
 
     `own_lets` are the owner's lets, which are never missing when the owner is evaluated. `hint` is the prefix
     for the names of its memory cells.
     """
 
-    builder: Builder
-    frame_values: FrameValues
+    builder: SystemBuilder
+    frame_values: SymbolicValues
     advances: z3.BoolRef
     hint: str
     own_lets: frozenset[str] = frozenset()
@@ -120,7 +120,7 @@ class Expressions:
         """Return the term of a scalar expression."""
         return scalar(self.value(e))
 
-    def number(self, e: ir.Expression) -> Number:
+    def number(self, e: ir.Expression) -> ExtendedReal:
         """Return the term of a number."""
         return number(self.scalar(e))
 
@@ -149,7 +149,7 @@ class Expressions:
                 return self._array_access(e)
             case ir.ValueOr():
                 return self._value_or(e)
-            case ir.Call():
+            case ir.FunctionCall():
                 return self._call(e, arithmetic)
             case ir.Reduce():
                 return self._reduce(e, arithmetic)
@@ -174,7 +174,7 @@ class Expressions:
             case ir.LoopIndex(name=name) | ir.LoopElement(name=name):
                 is_index = isinstance(e, ir.LoopIndex)
                 return constant(float(self.index(name))) if is_index else cast("Scalar", self.element(name))
-            case ir.Now() | ir.Restarted():
+            case ir.Now() | ir.RestartedFlag():
                 is_now = isinstance(e, ir.Now)
                 return seconds(frame_values.now, self.builder, e.span) if is_now else frame_values.restarted
             case ir.Fresh(name=name, derived=derived):
@@ -239,7 +239,9 @@ class Expressions:
     def _positions(self, index: ir.Expression, size: int, e: ir.Element | ir.Window) -> Positions:
         return self.positions(self.number(index), index, size, e)
 
-    def positions(self, x: Number, index: ir.Expression, size: int, e: ir.Element | ir.Window) -> Positions:
+    def positions(
+        self, x: ExtendedReal, index: ir.Expression, size: int, e: ir.Element | ir.Window
+    ) -> Positions:
         """Return the conditions under which an index of value `x` selects each element of an array."""
         builder, reach = self.builder, e.reach if isinstance(e, ir.Window) else 0
         return builder.once(
@@ -247,7 +249,9 @@ class Expressions:
             lambda: self._compute_positions(x, index, size, None if e.wraps else reach),
         )
 
-    def _compute_positions(self, x: Number, index: ir.Expression, size: int, reach: int | None) -> Positions:
+    def _compute_positions(
+        self, x: ExtendedReal, index: ir.Expression, size: int, reach: int | None
+    ) -> Positions:
         """Return the positions of an index; `reach` is how far outside it may be, None if it wraps."""
         is_finite, wraps = finite(x), reach is None
         outer = range(size) if reach is None else range(-reach, size + reach)
@@ -282,7 +286,7 @@ class Expressions:
 
     # --- functions -------------------------------------------------------------------------------
 
-    def _call(self, e: ir.Call, arithmetic: Arithmetic) -> Term:
+    def _call(self, e: ir.FunctionCall, arithmetic: Arithmetic) -> Term:
         if e.function in ir.INDEX_FUNCTIONS:
             return self._index_function(e.function, e.arguments[0], arithmetic)
         values = [self.value(a) for a in e.arguments]
@@ -291,7 +295,9 @@ class Expressions:
             return apply(e.function, flat, arithmetic)
         return each(lambda *x: apply(e.function, x, arithmetic), *values)
 
-    def _index_function(self, function: ir.Function, e: ir.Expression, arithmetic: Arithmetic) -> Number:
+    def _index_function(
+        self, function: ir.Function, e: ir.Expression, arithmetic: Arithmetic
+    ) -> ExtendedReal:
         """Return the index of the least or greatest element; for a slice or window, in the whole array."""
         match e:
             case ir.Slice(indices=sliced):
@@ -309,7 +315,7 @@ class Expressions:
         items = []
         arrays = {name: elements(self.value(array)) for name, array in e.arrays}
         for k in range(e.low, e.high + 1):
-            turn = Round(e.variable, k, {name: array[k] for name, array in arrays.items()})
+            turn = SymbolicRound(e.variable, k, {name: array[k] for name, array in arrays.items()})
             inner = replace(self, loop=(*self.loop, turn))
             body = inner.scalar(e.body)
             items.append((body, TRUE if e.condition is None else inner.boolean(e.condition)))
@@ -336,14 +342,14 @@ def size_of(e: ir.Expression) -> int:
 
 def element_of(array: Sequence[Scalar], positions: Positions, offset: int) -> Scalar:
     """Return the element `offset` after the selected one; NaN or false if there is none."""
-    undefined: Scalar = constant(math.nan) if isinstance(array[0], Number) else FALSE
+    undefined: Scalar = constant(math.nan) if isinstance(array[0], ExtendedReal) else FALSE
     result: Scalar | None = None
     for k, selected in positions.at(offset):
         result = array[k] if result is None else select(selected, array[k], result)
     return undefined if result is None else select(positions.is_inside(offset), result, undefined)
 
 
-def index_at(positions: Positions, offset: int) -> Number:
+def index_at(positions: Positions, offset: int) -> ExtendedReal:
     """Return the index `offset` after the selected one; NaN if it is outside, or not finite."""
     cases = [(float(k), selected) for k, selected in positions.at(offset)]
     return by_cases([*cases, (math.nan, negation(positions.is_inside(offset)))])

@@ -13,7 +13,7 @@ import z3
 
 from colony.ir.expression import REDUCTIONS, Binary, Function, Unary
 from colony.verify.symbolic.arithmetic import Arithmetic
-from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.builder import SystemBuilder
 from colony.verify.symbolic.cases import by_cases, constant, constant_of, hull
 from colony.verify.symbolic.logic import (
     FALSE,
@@ -38,7 +38,7 @@ from colony.verify.symbolic.numbers import (
     select_number,
     whole_number,
 )
-from colony.verify.symbolic.system import Bounds, Number, Operation, Scalar
+from colony.verify.symbolic.system import ExtendedReal, NumberBounds, Operation, Scalar
 
 # --- extremes -----------------------------------------------------------------------------------------
 #
@@ -56,13 +56,13 @@ Of fewer, as of a lidar with a beam a degree, the chain proves for floats what a
 
 def are_many(values: Sequence[object]) -> bool:
     """Return True if values are so many numbers of which none is known to be one of a few, or whole."""
-    numbers = [x for x in values if isinstance(x, Number) and not x.cases]
+    numbers = [x for x in values if isinstance(x, ExtendedReal) and not x.cases]
     return len(numbers) > MANY and not all(x.bounds.whole for x in numbers)
 
 
 def extreme_of_included(
-    items: Sequence[tuple[Number, z3.BoolRef]], builder: Builder, *, least: bool
-) -> Number:
+    items: Sequence[tuple[ExtendedReal, z3.BoolRef]], builder: SystemBuilder, *, least: bool
+) -> ExtendedReal:
     """Return the least, or greatest, of the included numbers; NaN if any is NaN, or there is none."""
     excluded = constant(math.inf if least else -math.inf)  # which never is the extreme of others
     found = extreme([select_number(c, x, excluded) for x, c in items], builder, least=least)
@@ -73,7 +73,7 @@ def extreme_of_included(
     return replace(found, nan=nan, infinite=FALSE, bounds=bounds)
 
 
-def extreme(values: Sequence[Number], builder: Builder, *, least: bool) -> Number:
+def extreme(values: Sequence[ExtendedReal], builder: SystemBuilder, *, least: bool) -> ExtendedReal:
     """Return the least, or greatest, of many numbers; NaN if any is NaN."""
     nan = any_of(x.nan for x in values)
     low, high = _bounds([x.bounds for x in values], least=least)
@@ -83,7 +83,7 @@ def extreme(values: Sequence[Number], builder: Builder, *, least: bool) -> Numbe
     if low is None or high is None:
         infinite = _infinite(values, builder, least=least)
         subjects += [] if is_false(infinite) else [infinite]
-    found = Number(value, FALSE, infinite, Bounds(low, high))
+    found = ExtendedReal(value, FALSE, infinite, NumberBounds(low, high))
     if is_new:
         axioms = [_ordered(found, x, least=least) for x in values]
         axioms.append(any_of(_ordered(x, found, least=least) for x in values))
@@ -91,10 +91,10 @@ def extreme(values: Sequence[Number], builder: Builder, *, least: bool) -> Numbe
         for subject in subjects:
             for axiom in axioms:
                 builder.define(subject, implied(negation(nan), axiom))
-    return Number(value, nan, infinite, found.bounds)
+    return ExtendedReal(value, nan, infinite, found.bounds)
 
 
-def _bounds(bounds: Sequence[Bounds], *, least: bool) -> tuple[Fraction | None, Fraction | None]:
+def _bounds(bounds: Sequence[NumberBounds], *, least: bool) -> tuple[Fraction | None, Fraction | None]:
     """Return the bounds of the least, or greatest, of numbers within these bounds."""
     lows, highs = [b.low for b in bounds], [b.high for b in bounds]
     known_lows, known_highs = [x for x in lows if x is not None], [x for x in highs if x is not None]
@@ -103,7 +103,7 @@ def _bounds(bounds: Sequence[Bounds], *, least: bool) -> tuple[Fraction | None, 
     return max(known_lows, default=None), (None if None in highs else max(known_highs))
 
 
-def _infinite(values: Sequence[Number], builder: Builder, *, least: bool) -> z3.BoolRef:
+def _infinite(values: Sequence[ExtendedReal], builder: SystemBuilder, *, least: bool) -> z3.BoolRef:
     """Return the condition that the extreme is infinite, as a constant."""
     if all(is_false(x.infinite) for x in values):
         return FALSE
@@ -111,13 +111,13 @@ def _infinite(values: Sequence[Number], builder: Builder, *, least: bool) -> z3.
     return cast(z3.BoolRef, builder.auxiliary(operation, tuple(values), z3.BoolSort())[0])
 
 
-def _ordered(x: Number, y: Number, *, least: bool) -> z3.BoolRef:
+def _ordered(x: ExtendedReal, y: ExtendedReal, *, least: bool) -> z3.BoolRef:
     return compared(x, y, "<=") if least else compared(y, x, "<=")
 
 
 def index_of_extreme(
-    values: Sequence[Number], indices: Sequence[int], builder: Builder, *, least: bool
-) -> Number:
+    values: Sequence[ExtendedReal], indices: Sequence[int], builder: SystemBuilder, *, least: bool
+) -> ExtendedReal:
     """Return the index of the least, or greatest, of many numbers that are never NaN, the first among equals.
 
     `indices` are those of the values.
@@ -136,13 +136,13 @@ def index_of_extreme(
     for k in range(len(values) - 1, 0, -1):
         if offsets[k - 1] != offsets[k]:
             index = pick(cast(z3.BoolRef, place < k), place + integer(offsets[k - 1]), index)
-    found = whole_number(index, Bounds(Fraction(min(indices)), Fraction(max(indices))))
+    found = whole_number(index, NumberBounds(Fraction(min(indices)), Fraction(max(indices))))
     known = {i: builder.key(x) for i, x in zip(indices, values, strict=True)}
     builder.once(("extreme at", *builder.keep(index)), lambda: (known, best))
     return found
 
 
-def extreme_at(array: Sequence[Scalar], index: Number, builder: Builder) -> Number | None:
+def extreme_at(array: Sequence[Scalar], index: ExtendedReal, builder: SystemBuilder) -> ExtendedReal | None:
     """Return the element of an array at an index that is that of its extreme, without a choice; else None."""
     if index.whole is None:
         return None
@@ -159,15 +159,15 @@ ReductionItem = tuple[Scalar, z3.BoolRef]
 """A value of a reduction, and the condition that it is included."""
 
 
-def number(x: Scalar) -> Number:
+def number(x: Scalar) -> ExtendedReal:
     """Return a scalar that is a number."""
-    assert isinstance(x, Number)
+    assert isinstance(x, ExtendedReal)
     return x
 
 
 def boolean(x: Scalar) -> z3.BoolRef:
     """Return a scalar that is a condition."""
-    assert not isinstance(x, Number)
+    assert not isinstance(x, ExtendedReal)
     return x
 
 
@@ -223,7 +223,7 @@ def relation(operator: Binary, x: Scalar, y: Scalar) -> z3.BoolRef:
 
 
 def _equal(x: Scalar, y: Scalar) -> z3.BoolRef:
-    return equal(x, y) if isinstance(x, Number) else equivalent(x, boolean(y))
+    return equal(x, y) if isinstance(x, ExtendedReal) else equivalent(x, boolean(y))
 
 
 def apply(function: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Scalar:
@@ -246,7 +246,7 @@ def apply(function: Function, x: Sequence[Scalar], arithmetic: Arithmetic) -> Sc
             return _unary_function(function, number(x[0]), arithmetic)
 
 
-def _unary_function(function: Function, x: Number, arithmetic: Arithmetic) -> Number:
+def _unary_function(function: Function, x: ExtendedReal, arithmetic: Arithmetic) -> ExtendedReal:
     match function:
         case Function.ABS:
             return arithmetic.absolute(x)
@@ -292,7 +292,7 @@ def reduction(function: Function, items: Sequence[ReductionItem], arithmetic: Ar
             raise AssertionError(f"{function.value} is not a reduction")
 
 
-def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> Number:
+def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> ExtendedReal:
     """Return the number of true conditions, by cases if they are few."""
     total = constant(0.0)
     for b in truths:
@@ -300,7 +300,7 @@ def count(truths: Sequence[z3.BoolRef], arithmetic: Arithmetic) -> Number:
     return total
 
 
-def _total(items: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -> Number:
+def _total(items: Sequence[tuple[ExtendedReal, z3.BoolRef]], arithmetic: Arithmetic) -> ExtendedReal:
     """Return the sum from left to right, starting with the first value (a lone -0.0 stays); 0 of nothing."""
     total = constant(-0.0)  # the neutral element of addition, even for -0.0
     for i, (x, condition) in enumerate(items):
@@ -311,7 +311,9 @@ def _total(items: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -
     return select_number(any_of(condition for _, condition in items), total, constant(0.0))
 
 
-def _best(function: Function, items: Sequence[tuple[Number, z3.BoolRef]], arithmetic: Arithmetic) -> Number:
+def _best(
+    function: Function, items: Sequence[tuple[ExtendedReal, z3.BoolRef]], arithmetic: Arithmetic
+) -> ExtendedReal:
     """Return the least or greatest value; NaN if any is NaN, or there is none."""
     if are_many([x for x, _ in items]):
         return extreme_of_included(items, arithmetic.builder, least=function is Function.MIN)
@@ -325,8 +327,11 @@ def _best(function: Function, items: Sequence[tuple[Number, z3.BoolRef]], arithm
 
 
 def index_of(
-    function: Function, values: Sequence[Number], indices: Sequence[Number], arithmetic: Arithmetic
-) -> Number:
+    function: Function,
+    values: Sequence[ExtendedReal],
+    indices: Sequence[ExtendedReal],
+    arithmetic: Arithmetic,
+) -> ExtendedReal:
     """Return the index of the least or greatest value, the first among equals; any number beats NaN."""
     constants = [int(c) for x in indices if (c := constant_of(x)) is not None]
     if are_many(values) and len(constants) == len(indices) and all(is_false(x.nan) for x in values):

@@ -26,14 +26,14 @@ from colony.verify.symbolic.numbers import EXACT_WHOLE
 from colony.verify.symbolic.system import (
     ActuatorTerms,
     Auxiliary,
-    Bounds,
+    ExtendedReal,
     Fact,
     FactKind,
     Graph,
     Inexact,
     InexactTerm,
     ModuleTerms,
-    Number,
+    NumberBounds,
     Operation,
     Scalar,
     System,
@@ -103,7 +103,7 @@ class _Generalization:
     # --- terms -----------------------------------------------------------------------------------
 
     def scalar(self, x: Scalar) -> Scalar:
-        if not isinstance(x, Number):
+        if not isinstance(x, ExtendedReal):
             return self.term(x)
         return replace(
             x,
@@ -141,7 +141,7 @@ class _Generalization:
         )
 
     def _auxiliary(self, auxiliary: Auxiliary) -> Auxiliary:
-        operands = (cast(Number, self.scalar(x)) for x in auxiliary.operands)
+        operands = (cast(ExtendedReal, self.scalar(x)) for x in auxiliary.operands)
         return replace(auxiliary, operands=tuple(operands))
 
     # --- facts -----------------------------------------------------------------------------------
@@ -176,7 +176,7 @@ class _Generalization:
     def _is_exact(self, free: z3.ArithRef, inexact: InexactTerm) -> z3.BoolRef:
         """Return the condition that a constant is the sum of whole numbers for which it stands, if small."""
         exact = self._exact(inexact)
-        is_small = all_of(between(exact, Bounds(-EXACT_WHOLE, EXACT_WHOLE)))
+        is_small = all_of(between(exact, NumberBounds(-EXACT_WHOLE, EXACT_WHOLE)))
         return implied(is_small, cast(z3.BoolRef, free == exact))
 
     def _is_close(self, free: z3.ArithRef, inexact: InexactTerm) -> z3.BoolRef:

@@ -12,16 +12,16 @@ from colony.ir.types import Array, Bool, Enum, Quantity, element_type
 from colony.ir.types import Scalar as ScalarType
 from colony.verify.reference.boundary import default_of
 from colony.verify.symbolic.bounding import within
-from colony.verify.symbolic.builder import Builder, FrameValues
+from colony.verify.symbolic.builder import SymbolicValues, SystemBuilder
 from colony.verify.symbolic.expressions import constant_term
 from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, choice, implied, integer, negation
 from colony.verify.symbolic.memory import enumerator
 from colony.verify.symbolic.numbers import select
 from colony.verify.symbolic.system import (
     UNBOUNDED,
-    Bounds,
+    ExtendedReal,
     Inexact,
-    Number,
+    NumberBounds,
     PythonInput,
     Reason,
     Scalar,
@@ -29,7 +29,7 @@ from colony.verify.symbolic.system import (
 )
 
 
-def begin(robot: Robot, builder: Builder) -> FrameValues:
+def begin(robot: Robot, builder: SystemBuilder) -> SymbolicValues:
     """Begin the encoding of a frame with its time: 0 in the first frame, then increasing as the robot says.
 
     Only in the first frame, in which all memory is initial, `restarted` may be true.
@@ -47,13 +47,13 @@ def begin(robot: Robot, builder: Builder) -> FrameValues:
     builder.assume(restarted, implied(restarted, negation(begun)))
     builder.invariant(last, cast(z3.BoolRef, last >= 0))
     builder.invariant(last, z3.Or(begun, last == 0))
-    return FrameValues(now=now, begun=begun, last=last, restarted=restarted)
+    return SymbolicValues(now=now, begun=begun, last=last, restarted=restarted)
 
 
 # --- sensors -------------------------------------------------------------------------------------
 
 
-def sense(program: Program, builder: Builder, frame_values: FrameValues) -> dict[str, SensorInput]:
+def sense(program: Program, builder: SystemBuilder, frame_values: SymbolicValues) -> dict[str, SensorInput]:
     """Encode every sensor: in range and of its type if present, else its default or missing."""
     inputs = {}
     for sensor in program.robot.sensors:
@@ -73,14 +73,14 @@ def sense(program: Program, builder: Builder, frame_values: FrameValues) -> dict
     return inputs
 
 
-def _elements(sensor: Sensor, builder: Builder) -> tuple[Scalar, ...]:
+def _elements(sensor: Sensor, builder: SystemBuilder) -> tuple[Scalar, ...]:
     type_ = element_type(sensor.type)
     size = sensor.type.size if isinstance(sensor.type, Array) else 0
     names = [f"{sensor.name}[{i}]" for i in range(size)] if size else [sensor.name]
     return tuple(_reading(name, type_, sensor, builder) for name in names)
 
 
-def _reading(name: str, type_: ScalarType, sensor: Sensor, builder: Builder) -> Scalar:
+def _reading(name: str, type_: ScalarType, sensor: Sensor, builder: SystemBuilder) -> Scalar:
     """Return a reading of a type: never NaN, and infinite only if the range allows it.
 
     What was sent is finite.
@@ -97,7 +97,7 @@ def _reading(name: str, type_: ScalarType, sensor: Sensor, builder: Builder) -> 
             if sensor.sent is not None or (low is not None and high is not None):
                 return finite_input(name, bounds, builder)
             infinite = z3.Bool(f"{name}.infinite")
-            number = Number(value, FALSE, infinite, bounds)
+            number = ExtendedReal(value, FALSE, infinite, bounds)
             builder.assume(value, within(number, bounds))
             builder.assume(value, implied(infinite, _beyond(value, low, high)))
             return number
@@ -105,16 +105,16 @@ def _reading(name: str, type_: ScalarType, sensor: Sensor, builder: Builder) -> 
             assert_never(type_)
 
 
-def finite_input(name: str, bounds: Bounds, builder: Builder) -> Number:
+def finite_input(name: str, bounds: NumberBounds, builder: SystemBuilder) -> ExtendedReal:
     """Return a free input that is a finite number within bounds."""
-    number = Number(z3.Real(name), FALSE, FALSE, bounds)
+    number = ExtendedReal(z3.Real(name), FALSE, FALSE, bounds)
     builder.assume(number.value, within(number, bounds))
     return number
 
 
-def bounds_of(low: float | None, high: float | None) -> Bounds:
+def bounds_of(low: float | None, high: float | None) -> NumberBounds:
     """Return the bounds of a range."""
-    return Bounds(None if low is None else Fraction(low), None if high is None else Fraction(high))
+    return NumberBounds(None if low is None else Fraction(low), None if high is None else Fraction(high))
 
 
 def _beyond(value: z3.ArithRef, low: float | None, high: float | None) -> z3.BoolRef:
@@ -124,7 +124,7 @@ def _beyond(value: z3.ArithRef, low: float | None, high: float | None) -> z3.Boo
     return any_of((*up, *down))
 
 
-def enumerator_input(name: str, type_: Enum, builder: Builder) -> Number:
+def enumerator_input(name: str, type_: Enum, builder: SystemBuilder) -> ExtendedReal:
     """Return a free input that is one of the members of an enum."""
     value = z3.Real(name)
     member = enumerator(value, type_)
@@ -135,7 +135,7 @@ def enumerator_input(name: str, type_: Enum, builder: Builder) -> Number:
 # --- modules in Python ---------------------------------------------------------------------------
 
 
-def python_answers(module: PythonModule, actuator: Actuator | None, builder: Builder) -> PythonInput:
+def python_answers(module: PythonModule, actuator: Actuator | None, builder: SystemBuilder) -> PythonInput:
     """Return an arbitrary answer of `step`: nothing, or fields of their types, including NaN, or none."""
     answers = z3.Bool(f"{module.name}.answers")
     blind = z3.Bool(f"{module.name}.blind") if module.failsafe else FALSE
@@ -147,12 +147,12 @@ def python_answers(module: PythonModule, actuator: Actuator | None, builder: Bui
     if module.failsafe:
         builder.mark_inexact(blind, reason)
     for x in values:
-        for term in (x.value, x.nan, x.infinite) if isinstance(x, Number) else (x,):
+        for term in (x.value, x.nan, x.infinite) if isinstance(x, ExtendedReal) else (x,):
             builder.mark_inexact(term, reason)
     return PythonInput(answers=answers, blind=blind, fields=values)
 
 
-def _answer(name: str, type_: ScalarType, builder: Builder) -> Scalar:
+def _answer(name: str, type_: ScalarType, builder: SystemBuilder) -> Scalar:
     match type_:
         case Bool():
             return z3.Bool(name)
@@ -161,6 +161,6 @@ def _answer(name: str, type_: ScalarType, builder: Builder) -> Scalar:
         case Quantity():
             value, nan, infinite = z3.Real(name), z3.Bool(f"{name}.nan"), z3.Bool(f"{name}.infinite")
             builder.assume(value, implied(infinite, z3.Or(value == 1, value == -1)))
-            return Number(value, nan, infinite, UNBOUNDED)
+            return ExtendedReal(value, nan, infinite, UNBOUNDED)
         case _:
             assert_never(type_)

@@ -19,7 +19,7 @@ from colony.ir.types import Bool, Enum, ScalarValue, any_value
 from colony.ir.types import Scalar as ScalarType
 from colony.text.source import Span
 from colony.verify.symbolic.bounding import within
-from colony.verify.symbolic.builder import Builder, FrameValues
+from colony.verify.symbolic.builder import SymbolicValues, SystemBuilder
 from colony.verify.symbolic.cases import constant, constant_of, whole_of, with_cases
 from colony.verify.symbolic.logic import (
     FALSE,
@@ -38,7 +38,7 @@ from colony.verify.symbolic.logic import (
     truth,
 )
 from colony.verify.symbolic.numbers import equal, select
-from colony.verify.symbolic.system import Bounds, Inexact, Number, Reason, Scalar, Shape
+from colony.verify.symbolic.system import ExtendedReal, Inexact, NumberBounds, Reason, Scalar, Shape
 
 # --- seconds ------------------------------------------------------------------------------------------
 #
@@ -47,10 +47,10 @@ from colony.verify.symbolic.system import Bounds, Inexact, Number, Reason, Scala
 _NANOSECOND = real(Fraction(1, 10**9))
 
 
-def seconds(nanoseconds: z3.ArithRef, builder: Builder, span: Span) -> Number:
+def seconds(nanoseconds: z3.ArithRef, builder: SystemBuilder, span: Span) -> ExtendedReal:
     """Return a time of at least 0 `nanoseconds` (a term of sort Int) as a number of seconds."""
     value = z3.ToReal(nanoseconds) * _NANOSECOND
-    result = Number(value, FALSE, FALSE, Bounds(Fraction(0)), nanoseconds=nanoseconds)
+    result = ExtendedReal(value, FALSE, FALSE, NumberBounds(Fraction(0)), nanoseconds=nanoseconds)
     builder.mark_number_inexact(
         result, Reason(Inexact.ROUNDING, span, "a time in seconds: reals in place of floats")
     )
@@ -64,8 +64,8 @@ def recall(
     e: ir.MemoryCall,
     x: Sequence[Scalar],
     types: Sequence[ScalarType],
-    builder: Builder,
-    frame_values: FrameValues,
+    builder: SystemBuilder,
+    frame_values: SymbolicValues,
     advances: z3.BoolRef,
     hint: str,
 ) -> Scalar:
@@ -97,14 +97,16 @@ def recall(
 
 
 def _truth(x: Scalar) -> z3.BoolRef:
-    assert not isinstance(x, Number)
+    assert not isinstance(x, ExtendedReal)
     return x
 
 
 class Memory:
     """Creates cells that advance in every frame in which `advances` holds."""
 
-    def __init__(self, builder: Builder, frame_values: FrameValues, advances: z3.BoolRef, hint: str) -> None:
+    def __init__(
+        self, builder: SystemBuilder, frame_values: SymbolicValues, advances: z3.BoolRef, hint: str
+    ) -> None:
         self.builder = builder
         self.frame_values = frame_values
         self.advances = advances
@@ -255,7 +257,7 @@ class Memory:
 
 
 def open_scalar_cell(
-    builder: Builder, hint: str, of: ScalarType, initial: ScalarValue
+    builder: SystemBuilder, hint: str, of: ScalarType, initial: ScalarValue
 ) -> tuple[Scalar, Callable[[Scalar], None]]:
     """Open the cells of a scalar; return its old value and the function that sets its next value."""
     name = builder.name(hint)
@@ -270,7 +272,7 @@ def open_scalar_cell(
 
 
 def _enumerator(
-    builder: Builder, name: str, of: Enum, start: Number
+    builder: SystemBuilder, name: str, of: Enum, start: ExtendedReal
 ) -> tuple[Scalar, Callable[[Scalar], None]]:
     """Open the cells of an enumerator, with one for NaN only if an element that is outside can get there."""
     old = cast(z3.ArithRef, builder.open_cell(name, z3.RealSort(), start.value))
@@ -282,7 +284,7 @@ def _enumerator(
     builder.invariant(old, any_of(c for _, c in value.cases))
 
     def close(x: Scalar) -> None:
-        assert isinstance(x, Number)
+        assert isinstance(x, ExtendedReal)
         if not is_false(x.nan):
             builder.numbers_in_memory[name] = (start, value, x)
         if shape is not None and shape.nan:
@@ -292,7 +294,7 @@ def _enumerator(
     return value, close
 
 
-def enumerator(term: z3.ArithRef, of: Enum) -> Number:
+def enumerator(term: z3.ArithRef, of: Enum) -> ExtendedReal:
     """Return a number that is one of the members."""
     values = sorted({v for _, v in of.members})
     if len(values) == 1:
@@ -300,7 +302,9 @@ def enumerator(term: z3.ArithRef, of: Enum) -> Number:
     return with_cases(term, tuple((v, cast(z3.BoolRef, term == constant(v).value)) for v in values))
 
 
-def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callable[[Scalar], None]]:
+def _number(
+    builder: SystemBuilder, name: str, start: ExtendedReal
+) -> tuple[Scalar, Callable[[Scalar], None]]:
     """Open the cells of a number: `nan` and `infinite` have cells only if its shape allows them."""
     shape = builder.shapes.get(name, shape_of(start))
     nan = infinite = FALSE
@@ -310,17 +314,17 @@ def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callabl
         infinite = cast(z3.BoolRef, builder.open_cell(f"{name}.infinite", z3.BoolSort(), start.infinite))
     if shape.bounds.whole:
         whole = cast(z3.ArithRef, builder.open_cell(name, z3.IntSort(), _whole(start)))
-        old = Number(z3.ToReal(whole), nan, infinite, shape.bounds, whole)
+        old = ExtendedReal(z3.ToReal(whole), nan, infinite, shape.bounds, whole)
         term: z3.ArithRef = whole
     else:
         term = cast(z3.ArithRef, builder.open_cell(name, z3.RealSort(), start.value))
-        old = Number(term, nan, infinite, shape.bounds)
+        old = ExtendedReal(term, nan, infinite, shape.bounds)
     builder.invariant(term, within(old, shape.bounds))
     if shape.infinite:
         builder.invariant(infinite, implied(both(infinite, negation(nan)), _signed(old)))
 
     def close(x: Scalar) -> None:
-        assert isinstance(x, Number)
+        assert isinstance(x, ExtendedReal)
         builder.numbers_in_memory[name] = (start, old, x)
         if shape.nan:
             builder.close_cell(f"{name}.nan", x.nan)
@@ -332,26 +336,26 @@ def _number(builder: Builder, name: str, start: Number) -> tuple[Scalar, Callabl
     return old, close
 
 
-def _signed(x: Number) -> z3.BoolRef:
+def _signed(x: ExtendedReal) -> z3.BoolRef:
     """Return the condition that an infinite number has a sign within its bounds."""
     up = FALSE if x.bounds.high is not None else cast(z3.BoolRef, x.value > 0)
     down = FALSE if x.bounds.low is not None else cast(z3.BoolRef, x.value < 0)
     return either(up, down)
 
 
-def _whole(x: Number) -> z3.ArithRef:
+def _whole(x: ExtendedReal) -> z3.ArithRef:
     term = whole_of(x)
     assert term is not None, f"{x} is not whole"
     return term
 
 
-def shape_of(x: Number) -> Shape:
+def shape_of(x: ExtendedReal) -> Shape:
     """Return the possible values of a number."""
     return Shape(not is_false(x.nan), not is_false(x.infinite), x.bounds)
 
 
 def _known(x: Scalar) -> ScalarValue | None:
     """Return the value of a constant scalar, None for others."""
-    if isinstance(x, Number):
+    if isinstance(x, ExtendedReal):
         return constant_of(x)
     return True if is_true(x) else False if is_false(x) else None

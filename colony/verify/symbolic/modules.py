@@ -15,12 +15,12 @@ from colony.ir.expression import Binary, Expression, Function
 from colony.ir.types import Scalar as ScalarType
 from colony.ir.types import ScalarValue, element_type
 from colony.verify.symbolic.arithmetic import Arithmetic, nearest
-from colony.verify.symbolic.builder import Builder, FrameValues, missing
+from colony.verify.symbolic.builder import SymbolicValues, SystemBuilder, missing
 from colony.verify.symbolic.cases import constant
 from colony.verify.symbolic.expressions import (
-    Expressions,
+    ExpressionEncoder,
     Positions,
-    Round,
+    SymbolicRound,
     element_of,
     index_at,
     size_of,
@@ -31,7 +31,7 @@ from colony.verify.symbolic.inputs import python_answers
 from colony.verify.symbolic.logic import FALSE, TRUE, all_of, any_of, both, either, negation, same
 from colony.verify.symbolic.memory import open_scalar_cell, recall
 from colony.verify.symbolic.numbers import select
-from colony.verify.symbolic.system import ModuleTerms, Number, PythonInput, Scalar, Term
+from colony.verify.symbolic.system import ExtendedReal, ModuleTerms, PythonInput, Scalar, Term
 
 # --- kleene -------------------------------------------------------------------------------------------
 #
@@ -42,21 +42,21 @@ from colony.verify.symbolic.system import ModuleTerms, Number, PythonInput, Scal
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class KnownScalar:
     """A scalar, and the condition that it is known."""
 
     value: Scalar
     known: z3.BoolRef
 
 
-KnownTerm = Known | tuple[Known, ...]
+KnownTerm = KnownScalar | tuple[KnownScalar, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContractEncoder:
     """Encodes contracts; `expressions` encodes what has no operands, and positions in arrays."""
 
-    expressions: Expressions
+    expressions: ExpressionEncoder
 
     def holds(self, e: ir.Expression) -> z3.BoolRef:
         """Return the condition that a contract is known to be true."""
@@ -78,12 +78,12 @@ class ContractEncoder:
                 return _each(partial(_strict, within), *map(self._value, (operand, low, high)))
             case ir.Nearest(angle=angle):
                 x = scalar(self._value(angle))
-                return Known(nearest(number(x.value), e.bearings, arithmetic), x.known)
+                return KnownScalar(nearest(number(x.value), e.bearings, arithmetic), x.known)
             case ir.Element() | ir.Slice() | ir.Window():
                 return self._array_access(e)
             case ir.ValueOr(expression=expression, other=other):
                 return _each(_value_or, self._value(expression), self._value(other))
-            case ir.Call():
+            case ir.FunctionCall():
                 return self._call(e, arithmetic)
             case ir.Reduce():
                 return self._reduce(e, arithmetic)
@@ -94,17 +94,21 @@ class ContractEncoder:
 
     def _leaf(self, e: ir.Expression) -> KnownTerm:
         if isinstance(e, ir.LoopElement):
-            return cast("Known", self.expressions.element(e.name))
+            return cast("KnownScalar", self.expressions.element(e.name))
         known = negation(missing(e, self.expressions.frame_values))
         term = self.expressions.value(e)
-        return tuple(Known(x, known) for x in term) if isinstance(term, tuple) else Known(term, known)
+        return (
+            tuple(KnownScalar(x, known) for x in term)
+            if isinstance(term, tuple)
+            else KnownScalar(term, known)
+        )
 
-    def _memory(self, e: ir.MemoryCall, *x: Known) -> Known:
+    def _memory(self, e: ir.MemoryCall, *x: KnownScalar) -> KnownScalar:
         """Encode a memory function of scalars, which moves on where its arguments are known."""
         types = [element_type(a.type) for a in e.arguments]
         known, own = all_of(v.known for v in x), self.expressions
         value = recall(e, [v.value for v in x], types, own.builder, own.frame_values, known, own.hint)
-        return Known(value, known)
+        return KnownScalar(value, known)
 
     # --- parts of arrays -------------------------------------------------------------------------
 
@@ -128,7 +132,7 @@ class ContractEncoder:
 
     # --- functions -------------------------------------------------------------------------------
 
-    def _call(self, e: ir.Call, arithmetic: Arithmetic) -> KnownTerm:
+    def _call(self, e: ir.FunctionCall, arithmetic: Arithmetic) -> KnownTerm:
         if e.function in ir.INDEX_FUNCTIONS:
             return self._index_function(e.function, e.arguments[0], arithmetic)
         values = [self._value(a) for a in e.arguments]
@@ -137,7 +141,7 @@ class ContractEncoder:
             return _reduction(e.function, [(_ALWAYS, x) for x in flat], arithmetic)
         return _each(lambda *x: _strict(lambda *v: apply(e.function, v, arithmetic), *x), *values)
 
-    def _index_function(self, function: Function, e: ir.Expression, arithmetic: Arithmetic) -> Known:
+    def _index_function(self, function: Function, e: ir.Expression, arithmetic: Arithmetic) -> KnownScalar:
         """Return the index of the least or greatest element; for a slice or window, in the whole array."""
         match e:
             case ir.Slice(indices=sliced):
@@ -152,13 +156,13 @@ class ContractEncoder:
                 values = elements(self._value(e))
                 indices = [constant(float(i)) for i in range(len(values))]
         index = index_of(function, [number(x.value) for x in values], indices, arithmetic)
-        return Known(index, all_of(x.known for x in values))
+        return KnownScalar(index, all_of(x.known for x in values))
 
-    def _reduce(self, e: ir.Reduce, arithmetic: Arithmetic) -> Known:
+    def _reduce(self, e: ir.Reduce, arithmetic: Arithmetic) -> KnownScalar:
         items = []
         arrays = {name: elements(self._value(array)) for name, array in e.arrays}
         for k in range(e.low, e.high + 1):
-            turn = Round(e.variable, k, {name: array[k] for name, array in arrays.items()})
+            turn = SymbolicRound(e.variable, k, {name: array[k] for name, array in arrays.items()})
             loop = (*self.expressions.loop, turn)
             inner = replace(self, expressions=replace(self.expressions, loop=loop))
             condition = _ALWAYS if e.condition is None else scalar(inner._value(e.condition))
@@ -166,22 +170,22 @@ class ContractEncoder:
         return _reduction(e.function, items, arithmetic)
 
 
-_ALWAYS = Known(TRUE, TRUE)
+_ALWAYS = KnownScalar(TRUE, TRUE)
 
 
-def scalar(x: KnownTerm) -> Known:
+def scalar(x: KnownTerm) -> KnownScalar:
     """Return a term that is a scalar."""
-    assert isinstance(x, Known)
+    assert isinstance(x, KnownScalar)
     return x
 
 
-def elements(x: KnownTerm) -> tuple[Known, ...]:
+def elements(x: KnownTerm) -> tuple[KnownScalar, ...]:
     """Return the elements of an array's term."""
     assert isinstance(x, tuple)
     return x
 
 
-def _each(operation: Callable[..., Known], *operands: KnownTerm) -> KnownTerm:
+def _each(operation: Callable[..., KnownScalar], *operands: KnownTerm) -> KnownTerm:
     """Apply `operation` element by element where an operand is an array; a scalar stands for all elements."""
     sizes = [len(x) for x in operands if isinstance(x, tuple)]
     if not sizes:
@@ -189,12 +193,12 @@ def _each(operation: Callable[..., Known], *operands: KnownTerm) -> KnownTerm:
     return tuple(operation(*(x[i] if isinstance(x, tuple) else x for x in operands)) for i in range(sizes[0]))
 
 
-def _strict(operation: Callable[..., Scalar], *x: Known) -> Known:
+def _strict(operation: Callable[..., Scalar], *x: KnownScalar) -> KnownScalar:
     """Apply an operation to values, unknown if one of them is."""
-    return Known(operation(*(v.value for v in x)), all_of(v.known for v in x))
+    return KnownScalar(operation(*(v.value for v in x)), all_of(v.known for v in x))
 
 
-def _binary(operator: Binary, x: Known, y: Known, arithmetic: Arithmetic) -> Known:
+def _binary(operator: Binary, x: KnownScalar, y: KnownScalar, arithmetic: Arithmetic) -> KnownScalar:
     match operator:
         case Binary.AND:
             return _all((x, y))
@@ -206,33 +210,35 @@ def _binary(operator: Binary, x: Known, y: Known, arithmetic: Arithmetic) -> Kno
             return _strict(lambda a, b: binary(operator, a, b, arithmetic), x, y)
 
 
-def _not(x: Known) -> Known:
-    return Known(negation(boolean(x.value)), x.known)
+def _not(x: KnownScalar) -> KnownScalar:
+    return KnownScalar(negation(boolean(x.value)), x.known)
 
 
-def _all(x: Sequence[Known]) -> Known:
+def _all(x: Sequence[KnownScalar]) -> KnownScalar:
     """Return the conjunction: known if all operands are, or if one is known to be false."""
     refuted = any_of(both(v.known, negation(boolean(v.value))) for v in x)
-    return Known(all_of(boolean(v.value) for v in x), either(all_of(v.known for v in x), refuted))
+    return KnownScalar(all_of(boolean(v.value) for v in x), either(all_of(v.known for v in x), refuted))
 
 
-def _any(x: Sequence[Known]) -> Known:
+def _any(x: Sequence[KnownScalar]) -> KnownScalar:
     """Return the disjunction: known if all operands are, or if one is known to be true."""
     proved = any_of(both(v.known, boolean(v.value)) for v in x)
-    return Known(any_of(boolean(v.value) for v in x), either(all_of(v.known for v in x), proved))
+    return KnownScalar(any_of(boolean(v.value) for v in x), either(all_of(v.known for v in x), proved))
 
 
-def _choice(condition: Known, yes: Known, no: Known) -> Known:
+def _choice(condition: KnownScalar, yes: KnownScalar, no: KnownScalar) -> KnownScalar:
     chosen = boolean(condition.value)
     known = both(condition.known, cast(z3.BoolRef, select(chosen, yes.known, no.known)))
-    return Known(select(chosen, yes.value, no.value), known)
+    return KnownScalar(select(chosen, yes.value, no.value), known)
 
 
-def _value_or(x: Known, other: Known) -> Known:
-    return Known(select(x.known, x.value, other.value), either(x.known, other.known))
+def _value_or(x: KnownScalar, other: KnownScalar) -> KnownScalar:
+    return KnownScalar(select(x.known, x.value, other.value), either(x.known, other.known))
 
 
-def _reduction(function: Function, items: Sequence[tuple[Known, Known]], arithmetic: Arithmetic) -> Known:
+def _reduction(
+    function: Function, items: Sequence[tuple[KnownScalar, KnownScalar]], arithmetic: Arithmetic
+) -> KnownScalar:
     """Return `any` and `all` as `or` and `and`; any other reduction is unknown if a part is."""
     match function:
         case Function.ANY:
@@ -242,16 +248,18 @@ def _reduction(function: Function, items: Sequence[tuple[Known, Known]], arithme
         case _:
             included = [(body.value, boolean(condition.value)) for condition, body in items]
             known = all_of(x.known for item in items for x in item)
-            return Known(reduction(function, included, arithmetic), known)
+            return KnownScalar(reduction(function, included, arithmetic), known)
 
 
-def _element(array: Sequence[Known], positions: Positions, index_known: z3.BoolRef, offset: int) -> Known:
+def _element(
+    array: Sequence[KnownScalar], positions: Positions, index_known: z3.BoolRef, offset: int
+) -> KnownScalar:
     """Return the element `offset` after the selected one, unknown if there is none."""
     value = element_of([x.value for x in array], positions, offset)
     known = array[0].known
     if not all(same(x.known, known) for x in array):
         known = boolean(element_of([x.known for x in array], positions, offset))
-    return Known(value, all_of((index_known, positions.is_inside(offset), known)))
+    return KnownScalar(value, all_of((index_known, positions.is_inside(offset), known)))
 
 
 # --- modules ------------------------------------------------------------------------------------------
@@ -260,7 +268,9 @@ def _element(array: Sequence[Known], positions: Positions, index_known: z3.BoolR
 class DeclarationEncoder:
     """Encodes a program's declarations in the order of a frame. Mutable: fills `frame_values`."""
 
-    def __init__(self, program: program_ir.Program, builder: Builder, frame_values: FrameValues) -> None:
+    def __init__(
+        self, program: program_ir.Program, builder: SystemBuilder, frame_values: SymbolicValues
+    ) -> None:
         self.program = program
         self.builder = builder
         self.frame_values = frame_values
@@ -268,9 +278,9 @@ class DeclarationEncoder:
 
     def expressions(
         self, advances: z3.BoolRef, hint: str, own_lets: frozenset[str] = frozenset()
-    ) -> Expressions:
+    ) -> ExpressionEncoder:
         """Return an encoder of expressions whose memory advances where `advances` holds."""
-        return Expressions(
+        return ExpressionEncoder(
             builder=self.builder,
             frame_values=self.frame_values,
             advances=advances,
@@ -333,7 +343,7 @@ class DeclarationEncoder:
 
     def _machine(self, machine: program_ir.Machine) -> None:
         """Take the first transition from the current phase that applies (see `program_ir.Machine`)."""
-        phase = cast(Number, self.frame_values.states[machine.name])
+        phase = cast(ExtendedReal, self.frame_values.states[machine.name])
         result, none_taken, unknown = phase, negation(FALSE), FALSE
         for transition in machine.transitions:
             absent = missing(transition.condition, self.frame_values)
@@ -346,7 +356,7 @@ class DeclarationEncoder:
                 taken = all_of((none_taken, in_source, present, holds, negation(unknown)))
                 unknown = either(unknown, both(in_source, absent))
             none_taken = both(none_taken, negation(taken))
-            result = cast(Number, select(taken, constant(transition.target), result))
+            result = cast(ExtendedReal, select(taken, constant(transition.target), result))
         self._set_next[machine.name](result)
 
     # --- modules ---------------------------------------------------------------------------------

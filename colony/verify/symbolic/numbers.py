@@ -40,7 +40,7 @@ from colony.verify.symbolic.logic import (
     real,
     same,
 )
-from colony.verify.symbolic.system import UNBOUNDED, Bounds, Number, Scalar
+from colony.verify.symbolic.system import UNBOUNDED, ExtendedReal, NumberBounds, Scalar
 
 # --- thresholds ---------------------------------------------------------------------------------------
 #
@@ -52,7 +52,7 @@ from colony.verify.symbolic.system import UNBOUNDED, Bounds, Number, Scalar
 _MAX_SECONDS = 1e12  # longer than any program waits, and far from overflow
 
 
-def compared_time(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
+def compared_time(x: ExtendedReal, y: ExtendedReal, relation: str) -> z3.BoolRef | None:
     """Return `x relation y` (`<`, `<=`, `==`) of a time and a constant in either order; None for others."""
     if x.nanoseconds is not None and _are_moderate_constants(y):
         time = x.nanoseconds
@@ -63,7 +63,7 @@ def compared_time(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
     return None
 
 
-def _are_moderate_constants(x: Number) -> bool:
+def _are_moderate_constants(x: ExtendedReal) -> bool:
     return bool(x.cases) and all(abs(v) <= _MAX_SECONDS for v, _ in x.cases)
 
 
@@ -120,17 +120,17 @@ EXACT_WHOLE = Fraction(2**53)
 """All integers up to this bound are floats, so their sums are exact."""
 
 
-def whole_number(term: z3.ArithRef, bounds: Bounds = UNBOUNDED) -> Number:
+def whole_number(term: z3.ArithRef, bounds: NumberBounds = UNBOUNDED) -> ExtendedReal:
     """Return a term of sort Int as a number."""
-    return Number(z3.ToReal(term), FALSE, FALSE, replace(bounds, whole=True), term)
+    return ExtendedReal(z3.ToReal(term), FALSE, FALSE, replace(bounds, whole=True), term)
 
 
-def finite(x: Number) -> z3.BoolRef:
+def finite(x: ExtendedReal) -> z3.BoolRef:
     """Return the condition that `x` is neither NaN nor infinite."""
     return negation(either(x.nan, x.infinite))
 
 
-def always_finite(x: Number) -> bool:
+def always_finite(x: ExtendedReal) -> bool:
     """Return True if `x` is known to be finite in every run."""
     return is_false(x.nan) and is_false(x.infinite)
 
@@ -138,7 +138,7 @@ def always_finite(x: Number) -> bool:
 # --- bounds --------------------------------------------------------------------------------------
 
 
-def hull_of(x: Number, y: Number) -> Bounds:
+def hull_of(x: ExtendedReal, y: ExtendedReal) -> NumberBounds:
     """Return bounds that contain both numbers; a number that is always NaN does not count."""
     if is_true(x.nan):
         return y.bounds
@@ -147,16 +147,18 @@ def hull_of(x: Number, y: Number) -> Bounds:
     return hull(x.bounds, y.bounds)
 
 
-def changed_bounds(x: Number, old: Number) -> Bounds | None:
+def changed_bounds(x: ExtendedReal, old: ExtendedReal) -> NumberBounds | None:
     """Return the bounds of `x` where it differs from `old`; None if it never does."""
     return _changed_bounds(x, old, {})
 
 
-def _changed_bounds(x: Number, old: Number, known: dict[int, Bounds | None]) -> Bounds | None:
+def _changed_bounds(
+    x: ExtendedReal, old: ExtendedReal, known: dict[int, NumberBounds | None]
+) -> NumberBounds | None:
     """Return `changed_bounds`; `known` has those of branches, which many choices may share."""
     if id(x) in known:
         return known[id(x)]
-    found: Bounds | None = None
+    found: NumberBounds | None = None
     if not same(x.value, old.value):
         branch_bounds = [_changed_bounds(branch, old, known) for branch in x.branches]
         changed = [bounds for bounds in branch_bounds if bounds is not None]
@@ -165,7 +167,7 @@ def _changed_bounds(x: Number, old: Number, known: dict[int, Bounds | None]) -> 
     return found
 
 
-def is_exact_whole(bounds: Bounds) -> bool:
+def is_exact_whole(bounds: NumberBounds) -> bool:
     """Return True if all numbers within the bounds are integers that floats represent exactly."""
     if not bounds.whole or bounds.low is None or bounds.high is None:
         return False
@@ -175,7 +177,7 @@ def is_exact_whole(bounds: Bounds) -> bool:
 # --- comparisons ---------------------------------------------------------------------------------
 
 
-def compared(x: Number, y: Number, relation: str) -> z3.BoolRef:
+def compared(x: ExtendedReal, y: ExtendedReal, relation: str) -> z3.BoolRef:
     """Return `x relation y` for `<`, `<=`, `==`; false if one is NaN."""
     rows = case_results(_RELATIONS[relation], (x, y))
     if rows:
@@ -200,7 +202,7 @@ _RELATIONS: dict[str, Callable[[float, float], bool]] = {
 }
 
 
-def _decided_by_bounds(x: Number, y: Number, relation: str) -> z3.BoolRef | None:
+def _decided_by_bounds(x: ExtendedReal, y: ExtendedReal, relation: str) -> z3.BoolRef | None:
     """Return the relation of two numbers that are not NaN if their bounds decide it, else None."""
     a, b = x.bounds, y.bounds
     below = a.high is not None and b.low is not None and a.high < b.low
@@ -216,7 +218,7 @@ def _decided_by_bounds(x: Number, y: Number, relation: str) -> z3.BoolRef | None
             return TRUE if always else FALSE if above else None
 
 
-def _finite_comparison(x: Number, y: Number, relation: str) -> z3.BoolRef:
+def _finite_comparison(x: ExtendedReal, y: ExtendedReal, relation: str) -> z3.BoolRef:
     enumerated, other = (x, y) if len(x.cases) > 1 else (y, x)
     if relation == "==" and len(enumerated.cases) > 1:
         finite_cases = ((v, c) for v, c in enumerated.cases if math.isfinite(v))
@@ -232,7 +234,7 @@ def _finite_comparison(x: Number, y: Number, relation: str) -> z3.BoolRef:
             return cast(z3.BoolRef, left <= right)
 
 
-def _infinite_comparison(x: Number, y: Number, relation: str, swapped: bool) -> z3.BoolRef:
+def _infinite_comparison(x: ExtendedReal, y: ExtendedReal, relation: str, swapped: bool) -> z3.BoolRef:
     """Return `x relation y` (`y relation x` if swapped) where `x` is infinite."""
     up, down = positive_value(x), negative_value(x)
     y_up, y_down = both(y.infinite, positive_value(y)), both(y.infinite, negative_value(y))
@@ -245,17 +247,17 @@ def _infinite_comparison(x: Number, y: Number, relation: str, swapped: bool) -> 
             return either(up, y_down) if swapped else either(down, y_up)
 
 
-def positive_value(x: Number) -> z3.BoolRef:
+def positive_value(x: ExtendedReal) -> z3.BoolRef:
     """Return the condition that `x.value` is above 0."""
     return _compared_with_zero(x, ">")
 
 
-def negative_value(x: Number) -> z3.BoolRef:
+def negative_value(x: ExtendedReal) -> z3.BoolRef:
     """Return the condition that `x.value` is below 0."""
     return _compared_with_zero(x, "<")
 
 
-def _compared_with_zero(x: Number, relation: str) -> z3.BoolRef:
+def _compared_with_zero(x: ExtendedReal, relation: str) -> z3.BoolRef:
     if x.cases:
         return any_of(c for v, c in x.cases if (v > 0 if relation == ">" else v < 0))
     zero = constant(0.0)
@@ -267,10 +269,10 @@ def _compared_with_zero(x: Number, relation: str) -> z3.BoolRef:
 
 def equal(x: Scalar, y: Scalar) -> z3.BoolRef:
     """Return the equality of floats: NaN equals nothing."""
-    if isinstance(x, Number) and isinstance(y, Number):
+    if isinstance(x, ExtendedReal) and isinstance(y, ExtendedReal):
         return compared(x, y, "==")
-    assert not isinstance(x, Number)
-    assert not isinstance(y, Number)
+    assert not isinstance(x, ExtendedReal)
+    assert not isinstance(y, ExtendedReal)
     return choice(x, y, negation(y))
 
 
@@ -279,14 +281,14 @@ def equal(x: Scalar, y: Scalar) -> z3.BoolRef:
 
 def select(condition: z3.BoolRef, yes: Scalar, no: Scalar) -> Scalar:
     """Return `yes` where `condition`, else `no`."""
-    if isinstance(yes, Number):
-        assert isinstance(no, Number)
+    if isinstance(yes, ExtendedReal):
+        assert isinstance(no, ExtendedReal)
         return select_number(condition, yes, no)
-    assert not isinstance(no, Number)
+    assert not isinstance(no, ExtendedReal)
     return choice(condition, yes, no)
 
 
-def select_number(condition: z3.BoolRef, yes: Number, no: Number) -> Number:
+def select_number(condition: z3.BoolRef, yes: ExtendedReal, no: ExtendedReal) -> ExtendedReal:
     """Return a number that is `yes` where the condition holds, else `no`."""
     if is_true(condition):
         return yes
@@ -304,9 +306,9 @@ def select_number(condition: z3.BoolRef, yes: Number, no: Number) -> Number:
     bounds = hull_of(yes, no)
     if a is not None and b is not None:
         whole = pick(condition, a, b)
-        return Number(z3.ToReal(whole), nan, infinite, bounds, whole, branches=(yes, no))
+        return ExtendedReal(z3.ToReal(whole), nan, infinite, bounds, whole, branches=(yes, no))
     value = pick(condition, yes.value, no.value)
-    return Number(value, nan, infinite, replace(bounds, whole=False), branches=(yes, no))
+    return ExtendedReal(value, nan, infinite, replace(bounds, whole=False), branches=(yes, no))
 
 
 def select_first(conditions: Sequence[z3.BoolRef], values: Sequence[Scalar]) -> Scalar:
@@ -315,14 +317,14 @@ def select_first(conditions: Sequence[z3.BoolRef], values: Sequence[Scalar]) -> 
     At most one condition may hold.
     """
     *before, last = values
-    numbers = [x for x in values if isinstance(x, Number)]
+    numbers = [x for x in values if isinstance(x, ExtendedReal)]
     distinct = {(v, math.copysign(1.0, v)) for x in numbers for v, _ in x.cases}
     if len(numbers) == len(values) and all(x.cases for x in numbers) and len(distinct) <= MAX_CASES:
         others = conditions[: len(before)]
         chosen = [*others, negation(any_of(others))]
         rows = [(v, both(c, case)) for c, x in zip(chosen, numbers, strict=True) for v, case in x.cases]
         return by_cases(rows, loose_zero=any(x.loose_zero for x in numbers))
-    if isinstance(last, Number) and len(distinct) > MAX_CASES:
+    if isinstance(last, ExtendedReal) and len(distinct) > MAX_CASES:
         last = replace(last, cases=())  # all together are too many, so none are merged on the way
     for condition, value in zip(reversed(conditions[: len(before)]), reversed(before), strict=True):
         last = select(condition, value, last)
@@ -332,19 +334,19 @@ def select_first(conditions: Sequence[z3.BoolRef], values: Sequence[Scalar]) -> 
 # --- sums ----------------------------------------------------------------------------------------
 
 
-def negated(x: Number) -> Number:
+def negated(x: ExtendedReal) -> ExtendedReal:
     """Return `-x`, exactly."""
     folded = fold(lambda v: -v, (x,))
     if folded is not None:
         return folded
     low, high = x.bounds.low, x.bounds.high
-    bounds = Bounds(None if high is None else -high, None if low is None else -low, x.bounds.whole)
+    bounds = NumberBounds(None if high is None else -high, None if low is None else -low, x.bounds.whole)
     if x.whole is not None:
-        return Number(z3.ToReal(-x.whole), x.nan, x.infinite, bounds, -x.whole)
-    return Number(-x.value, x.nan, x.infinite, bounds)
+        return ExtendedReal(z3.ToReal(-x.whole), x.nan, x.infinite, bounds, -x.whole)
+    return ExtendedReal(-x.value, x.nan, x.infinite, bounds)
 
 
-def added(x: Number, y: Number) -> Number:
+def added(x: ExtendedReal, y: ExtendedReal) -> ExtendedReal:
     """Return `x + y` over the reals."""
     folded = fold(lambda v, w: v + w, (x, y))
     if folded is not None:
@@ -361,47 +363,49 @@ def added(x: Number, y: Number) -> Number:
     a, b = whole_of(x), whole_of(y)
     if a is not None and b is not None:
         whole = pick(x.infinite, a, pick(y.infinite, b, a + b))
-        return Number(z3.ToReal(whole), nan, infinite, bounds, whole)
+        return ExtendedReal(z3.ToReal(whole), nan, infinite, bounds, whole)
     value = pick(x.infinite, x.value, pick(y.infinite, y.value, x.value + y.value))
-    return Number(value, nan, infinite, replace(bounds, whole=False))
+    return ExtendedReal(value, nan, infinite, replace(bounds, whole=False))
 
 
-def _sum_bounds(x: Bounds, y: Bounds) -> Bounds:
+def _sum_bounds(x: NumberBounds, y: NumberBounds) -> NumberBounds:
     low = None if x.low is None or y.low is None else x.low + y.low
     high = None if x.high is None or y.high is None else x.high + y.high
-    return Bounds(low, high, x.whole and y.whole)
+    return NumberBounds(low, high, x.whole and y.whole)
 
 
-def equal_signs(x: Number, y: Number) -> z3.BoolRef:
+def equal_signs(x: ExtendedReal, y: ExtendedReal) -> z3.BoolRef:
     """Return the condition that two values other than 0 have the same sign."""
     return choice(positive_value(x), positive_value(y), negation(positive_value(y)))
 
 
-def scaled(x: Number, factor: Fraction) -> Number:
+def scaled(x: ExtendedReal, factor: Fraction) -> ExtendedReal:
     """Return `x` times a real that is not 0, over the reals."""
     ends = [None if end is None else end * factor for end in (x.bounds.low, x.bounds.high)]
     low, high = ends if factor > 0 else ends[::-1]
     unscaled = whole_of(x) if factor.denominator == 1 else None
     whole = None if unscaled is None else unscaled * integer(factor.numerator)
-    bounds = Bounds(low, high, whole is not None)
+    bounds = NumberBounds(low, high, whole is not None)
     value = z3.ToReal(whole) if whole is not None else x.value * real(factor)
-    return Number(value, x.nan, x.infinite, bounds, whole)
+    return ExtendedReal(value, x.nan, x.infinite, bounds, whole)
 
 
 # --- least and greatest --------------------------------------------------------------------------
 
 
-def least(numbers: Sequence[Number]) -> Number:
+def least(numbers: Sequence[ExtendedReal]) -> ExtendedReal:
     """Return the least number, the first among equals; NaN if any is NaN, or there is none."""
     return _best(numbers, lambda x, best: compared(x, best, "<"), lower=True)
 
 
-def greatest(numbers: Sequence[Number]) -> Number:
+def greatest(numbers: Sequence[ExtendedReal]) -> ExtendedReal:
     """Return the greatest number, the first among equals; NaN if any is NaN, or there is none."""
     return _best(numbers, lambda x, best: compared(best, x, "<"), lower=False)
 
 
-def _best(numbers: Sequence[Number], better: Callable[[Number, Number], z3.BoolRef], lower: bool) -> Number:
+def _best(
+    numbers: Sequence[ExtendedReal], better: Callable[[ExtendedReal, ExtendedReal], z3.BoolRef], lower: bool
+) -> ExtendedReal:
     if not numbers:
         return constant(math.nan)
     nan = any_of(x.nan for x in numbers)
@@ -417,11 +421,11 @@ def _best(numbers: Sequence[Number], better: Callable[[Number, Number], z3.BoolR
     return replace(best, nan=nan)
 
 
-def _best_bounds(x: Number, y: Number, lower: bool) -> Bounds:
+def _best_bounds(x: ExtendedReal, y: ExtendedReal, lower: bool) -> NumberBounds:
     """Return the bounds of the lesser (greater) of two, where neither is NaN."""
     whole = x.bounds.whole and y.bounds.whole
     lows = [b for b in (x.bounds.low, y.bounds.low) if b is not None]
     highs = [b for b in (x.bounds.high, y.bounds.high) if b is not None]
     if lower:
-        return Bounds(min(lows) if len(lows) == 2 else None, min(highs, default=None), whole)
-    return Bounds(max(lows, default=None), max(highs) if len(highs) == 2 else None, whole)
+        return NumberBounds(min(lows) if len(lows) == 2 else None, min(highs, default=None), whole)
+    return NumberBounds(max(lows, default=None), max(highs) if len(highs) == 2 else None, whole)

@@ -12,14 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from colony.verify.symbolic.builder import Builder
+from colony.verify.symbolic.builder import SystemBuilder
 from colony.verify.symbolic.cases import hull
 from colony.verify.symbolic.logic import is_true
 from colony.verify.symbolic.memory import shape_of
 from colony.verify.symbolic.numbers import changed_bounds
-from colony.verify.symbolic.system import Bounds, Number, Shape, System
+from colony.verify.symbolic.system import ExtendedReal, NumberBounds, Shape, System
 
-EncodeWithShapes = Callable[[Mapping[str, Shape]], tuple[Builder, System]]
+EncodeWithShapes = Callable[[Mapping[str, Shape]], tuple[SystemBuilder, System]]
 """A function that encodes a frame with given shapes of memory, by name; others keep their initial shape."""
 
 _NONE: Mapping[str, Shape] = {}
@@ -66,7 +66,7 @@ def _narrowed(
     return None
 
 
-def _written_shapes(builder: Builder) -> dict[str, Shape]:
+def _written_shapes(builder: SystemBuilder) -> dict[str, Shape]:
     """Return the shapes of changing memory according to the values written to it, assumed to be finite."""
     found = {}
     for name, (start, _, _) in builder.numbers_in_memory.items():
@@ -76,7 +76,7 @@ def _written_shapes(builder: Builder) -> dict[str, Shape]:
     return found
 
 
-def _needed_shape(builder: Builder, name: str) -> Shape:
+def _needed_shape(builder: SystemBuilder, name: str) -> Shape:
     """Return the shape of a number's initial value and of the values that a frame changes it to."""
     initial, old, new = builder.numbers_in_memory[name]
     bounds, changed = initial.bounds, changed_bounds(new, old)
@@ -86,7 +86,7 @@ def _needed_shape(builder: Builder, name: str) -> Shape:
     return Shape(before.nan or after.nan, before.infinite or after.infinite, bounds)
 
 
-def _wider_shapes(builder: Builder, known: Mapping[str, Shape]) -> dict[str, tuple[Shape, Shape]]:
+def _wider_shapes(builder: SystemBuilder, known: Mapping[str, Shape]) -> dict[str, tuple[Shape, Shape]]:
     """Return the shapes that are too narrow, each with a wider one."""
     found = {}
     for name, (start, _, new) in builder.numbers_in_memory.items():
@@ -100,7 +100,7 @@ def _wider_shapes(builder: Builder, known: Mapping[str, Shape]) -> dict[str, tup
     return found
 
 
-def _fits(new: Number, shape: Shape) -> bool:
+def _fits(new: ExtendedReal, shape: Shape) -> bool:
     """Return True unless a cell of whole numbers would be written another one."""
     return new.bounds.whole or not shape.bounds.whole
 
@@ -110,4 +110,4 @@ def _without_moved_ends(assumed: Shape, needed: Shape) -> Shape:
     old, new = assumed.bounds, needed.bounds
     low = new.low if new.low == old.low else None
     high = new.high if new.high == old.high else None
-    return replace(needed, bounds=Bounds(low, high, new.whole))
+    return replace(needed, bounds=NumberBounds(low, high, new.whole))

@@ -41,7 +41,7 @@ class _Fact(Protocol):
     def formula(self) -> z3.BoolRef: ...
 
 
-class Reach(NamedTuple):
+class TermClosure(NamedTuple):
     """The ids of some terms and of all their subterms, and those of the constants and cells among them."""
 
     visited: frozenset[int]
@@ -53,7 +53,7 @@ class Graph:
 
     def __init__(self, cells: Iterable[_Cell]) -> None:
         self._cells = {cell.old.get_id(): cell for cell in cells}
-        self._behind: dict[int, tuple[Sequence[_Fact], Reach]] = {}
+        self._behind: dict[int, tuple[Sequence[_Fact], TermClosure]] = {}
         self._operands: dict[int, tuple[int, ...]] = {}
         self._constants: dict[int, tuple[str, z3.ExprRef]] = {}
         self._kept: list[z3.ExprRef] = []
@@ -91,7 +91,7 @@ class Graph:
         """Return the name and the term of an uninterpreted constant by its id."""
         return self._constants[key]
 
-    def reach(self, keys: Iterable[int]) -> Reach:
+    def reach(self, keys: Iterable[int]) -> TermClosure:
         """Return what is in the terms with these ids."""
         visited, leaves, pending = set[int](), set[int](), list(keys)
         while pending:
@@ -102,9 +102,9 @@ class Graph:
             pending.extend(self._operands[key])
             if key in self._constants:
                 leaves.add(key)
-        return Reach(frozenset(visited), frozenset(leaves))
+        return TermClosure(frozenset(visited), frozenset(leaves))
 
-    def behind(self, leaf: int, facts: Sequence[_Fact]) -> Reach:
+    def behind(self, leaf: int, facts: Sequence[_Fact]) -> TermClosure:
         """Return what is in the facts about a constant, and if it is a cell, in its value after the frame."""
         known = self._behind.get(leaf)
         if known is not None and known[0] is facts:
@@ -120,7 +120,7 @@ class Graph:
 
 
 @dataclass(frozen=True, slots=True)
-class Bounds:
+class NumberBounds:
     """Bounds of a number that is not NaN: both included, None for unbounded.
 
     A bound also rules out the infinity beyond it. With `whole`, the number is an integer, or infinite.
@@ -131,7 +131,7 @@ class Bounds:
     whole: bool = False
 
 
-UNBOUNDED = Bounds()
+UNBOUNDED = NumberBounds()
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +140,7 @@ class Shape:
 
     nan: bool
     infinite: bool
-    bounds: Bounds
+    bounds: NumberBounds
 
 
 Case: TypeAlias = tuple[float, z3.BoolRef]
@@ -148,7 +148,7 @@ Case: TypeAlias = tuple[float, z3.BoolRef]
 
 
 @dataclass(frozen=True, slots=True)
-class Number:
+class ExtendedReal:
     """An extended real.
 
     It is NaN if `nan` holds, else infinite with the sign of `value` (which is then not 0) if `infinite`
@@ -167,15 +167,15 @@ class Number:
     value: z3.ArithRef
     nan: z3.BoolRef
     infinite: z3.BoolRef
-    bounds: Bounds = UNBOUNDED
+    bounds: NumberBounds = UNBOUNDED
     whole: z3.ArithRef | None = None
     cases: tuple[Case, ...] = ()
     loose_zero: bool = False
     nanoseconds: z3.ArithRef | None = None
-    branches: tuple[Number, ...] = ()
+    branches: tuple[ExtendedReal, ...] = ()
 
 
-Scalar: TypeAlias = Number | z3.BoolRef
+Scalar: TypeAlias = ExtendedReal | z3.BoolRef
 """The value of a scalar expression: quantities and enumerators are numbers."""
 
 Term: TypeAlias = Scalar | tuple[Scalar, ...]
@@ -211,7 +211,7 @@ class InexactTerm:
 
     term: z3.ExprRef
     reason: Reason
-    bounds: Bounds = UNBOUNDED
+    bounds: NumberBounds = UNBOUNDED
     ambiguous: bool = False
     floats: tuple[z3.ArithRef, ...] = ()
     is_sum: bool = False
@@ -219,7 +219,7 @@ class InexactTerm:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
+class SymbolicCell:
     """A memory cell: `old` is its constant before the frame, `next` the formula for its value after it.
 
     `initial` is a value of z3; `name` is unique, and names the owner of the memory.
@@ -268,7 +268,7 @@ class Auxiliary:
 
     constant: z3.ArithRef | z3.BoolRef
     operation: Operation
-    operands: tuple[Number, ...]
+    operands: tuple[ExtendedReal, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -327,7 +327,7 @@ class ActuatorTerms:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Claim:
+class ContractFormula:
     """A contract in the frame: the condition that it holds, that is, is known to be true."""
 
     name: str
@@ -415,7 +415,7 @@ class System:
     restarted: z3.BoolRef
     sensors: Mapping[str, SensorInput]
     python: Mapping[str, PythonInput]
-    cells: tuple[Cell, ...]
+    cells: tuple[SymbolicCell, ...]
     assumptions: tuple[z3.BoolRef, ...]
     definitions: tuple[z3.BoolRef, ...]
     invariants: tuple[z3.BoolRef, ...]
@@ -429,7 +429,7 @@ class System:
     modules: Mapping[str, ModuleTerms]
     active: Mapping[str, z3.BoolRef]  # modules and wires
     actuators: Mapping[str, ActuatorTerms]
-    claims: tuple[Claim, ...]
+    claims: tuple[ContractFormula, ...]
     shapes: Mapping[str, Shape] = field(default_factory=dict)
-    written: Mapping[str, Number] = field(default_factory=dict)
+    written: Mapping[str, ExtendedReal] = field(default_factory=dict)
     disturbances: Mapping[Disturbance, DisturbanceInputs] = field(default_factory=dict)

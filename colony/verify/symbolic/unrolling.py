@@ -11,7 +11,7 @@ from typing import TypeVar, cast
 
 import z3
 
-from colony.ir.frame import Given
+from colony.ir.frame import OverriddenCommand
 from colony.ir.program import Sensor
 from colony.ir.types import Array, Bool, Enum, ScalarValue, Value, element_type
 from colony.ir.types import Scalar as ScalarType
@@ -19,16 +19,16 @@ from colony.verify.reference.boundary import clamp
 from colony.verify.snapshot import Snapshot
 from colony.verify.symbolic.logic import is_false
 from colony.verify.symbolic.system import (
-    Cell,
-    Claim,
+    ContractFormula,
     DisturbanceInputs,
+    ExtendedReal,
     Fact,
     FactKind,
     Inexact,
-    Number,
     Reason,
     Scalar,
     SensorInput,
+    SymbolicCell,
     System,
 )
 
@@ -46,7 +46,7 @@ class Cone:
     """
 
     system: System
-    cells: tuple[Cell, ...]
+    cells: tuple[SymbolicCell, ...]
     definitions: tuple[z3.BoolRef, ...]
     assumptions: tuple[z3.BoolRef, ...]
     invariants: tuple[z3.BoolRef, ...]
@@ -98,7 +98,7 @@ def whole_cone(system: System) -> Cone:
 def _parts(scalars: Iterable[Scalar]) -> list[z3.ExprRef]:
     parts: list[z3.ExprRef] = []
     for x in scalars:
-        parts += (x.value, x.nan, x.infinite) if isinstance(x, Number) else (x,)
+        parts += (x.value, x.nan, x.infinite) if isinstance(x, ExtendedReal) else (x,)
     return parts
 
 
@@ -119,7 +119,7 @@ def reasons_of(system: System, *terms: z3.ExprRef) -> tuple[Reason, ...]:
     return tuple(found)
 
 
-def rounding_reasons(claims: Iterable[Claim]) -> tuple[Reason, ...]:
+def rounding_reasons(claims: Iterable[ContractFormula]) -> tuple[Reason, ...]:
     """Return the places where reals stand in for floats in a contract or in the lemmas of its proof."""
     reasons = dict.fromkeys(r for claim in claims for r in claim.inexact)
     return tuple(r for r in reasons if r.kind is Inexact.ROUNDING)
@@ -251,7 +251,7 @@ def _with_late(
             if condition.get_id() in visited and _truth(model, unrolling.at(i, condition))
         ]
 
-    given = {actuator: Given() for actuator in holding(late.idle)}
+    given = {actuator: OverriddenCommand() for actuator in holding(late.idle)}
     return snapshot._replace(given=given, lost=frozenset(holding(late.lost)))
 
 
@@ -290,8 +290,8 @@ def _is_used(sensor_input: SensorInput, visited: frozenset[int]) -> bool:
     """Return True if any formula in the cone depends on the sensor."""
     terms = [sensor_input.present]
     for x in sensor_input.elements:
-        terms += [x.infinite] if isinstance(x, Number) else [x]
-    values = [x.value for x in sensor_input.elements if isinstance(x, Number)]
+        terms += [x.infinite] if isinstance(x, ExtendedReal) else [x]
+    values = [x.value for x in sensor_input.elements if isinstance(x, ExtendedReal)]
     return any(term.get_id() in visited for term in (*terms, *values) if not z3.is_false(term))
 
 
@@ -328,7 +328,7 @@ def value_in(
 
     `known` keeps numerals and their floats by id: most of the elements of an array are equal.
     """
-    if not isinstance(x, Number):
+    if not isinstance(x, ExtendedReal):
         return _truth(model, unrolling.at(i, x))
     if not is_false(x.nan) and _truth(model, unrolling.at(i, x.nan)):
         return math.nan

@@ -71,7 +71,7 @@ class Nondeterministic:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class DifferentialReport:
     """The findings after `drawn` of `asked` traces, with `frames` frames in total.
 
     `finished` is true if no report follows: all traces are drawn, or there is a disagreement, or a module
@@ -102,7 +102,7 @@ def try_traces(
     executors: Mapping[str, Factory] = ALL_EXECUTORS,
     trials: Mapping[str, Trial] = MappingProxyType({}),
     max_frames: int = FRAMES,
-) -> Iterator[Report]:
+) -> Iterator[DifferentialReport]:
     """Draw `count` traces of `program`, and yield a report after each. The last one is `finished`.
 
     The reports are the same for the same program, count and seed. A finding is reported as it was drawn, and
@@ -162,7 +162,7 @@ class _TraceTest:
         self._python = [m for m in program.modules if isinstance(m, PythonModule)]
         self._to_shrink: list[Callable[[], None]] = []
         self._counts: Counter[tuple[str, str]] = Counter()
-        self.report = Report(seed=seed, asked=count, drawn=0, frames=0, modules=self._modules())
+        self.report = DifferentialReport(seed=seed, asked=count, drawn=0, frames=0, modules=self._modules())
 
     def advance(self) -> None:
         """Test another trace, or shrink a finding from the last one."""

@@ -18,12 +18,12 @@ from colony.ir.program import (
     AnyModule,
     Contract,
     Example,
-    Given,
+    ExampleStep,
+    GivenReading,
     Let,
     Module,
     Program,
     PythonModule,
-    Step,
     Use,
     Wiring,
     without_assumed,
@@ -44,12 +44,11 @@ from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Span
 from colony.text.units import parse_unit
 from colony.text.wording import counted, duration_text, listed, quoted
+from colony.verify.claims import source_text
 from colony.verify.reference.boundary import default_of
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.kleene import is_known
-from colony.verify.snapshot import Snapshot
-from colony.verify.source_text import source_text
-from colony.verify.sparse import sparse_text
+from colony.verify.snapshot import Snapshot, sparse_text
 from colony.verify.testing.frames import GivenReadings
 
 # --- silence ------------------------------------------------------------------------------------------
@@ -294,11 +293,13 @@ def facts_of_breach(program: Program, contract: str, snapshots: Iterable[Snapsho
     run = _Run(replace(program, contracts=tuple(c for c in program.contracts if c.name == contract)))
     for snapshot in snapshots:
         readings = tuple(
-            Given(sensor=n, index=None, value=snapshot.readings.get(n))
+            GivenReading(sensor=n, index=None, value=snapshot.readings.get(n))
             for n in names
             if n in snapshot.readings or n not in sent
         )
-        step = Step(times_ns=(snapshot.t_ns,), given=readings, expectations=(), restarted=snapshot.restarted)
+        step = ExampleStep(
+            times_ns=(snapshot.t_ns,), given=readings, expectations=(), restarted=snapshot.restarted
+        )
         run.step(step, snapshot.lost, snapshot.given)
     broken = {"contract broken": False, "contract unknown": True}
     failures = run.failures.values()
@@ -350,9 +351,9 @@ class _Run:
 
     def step(
         self,
-        step: Step,
+        step: ExampleStep,
         lost: frozenset[str] = frozenset(),
-        commands: Mapping[str, frame.Given] = frame.NOTHING_GIVEN,
+        commands: Mapping[str, frame.OverriddenCommand] = frame.NOTHING_GIVEN,
     ) -> None:
         """Run a step; `lost` and `commands` are `lost` and `given` of `Interpreter.step`."""
         for given in step.given:
@@ -367,7 +368,7 @@ class _Run:
             for i, expectation in enumerate(step.expectations):
                 self.expect(expectation, (id(step), i), t_ns, outcome)
 
-    def give(self, given: Given, t_ns: int) -> None:
+    def give(self, given: GivenReading, t_ns: int) -> None:
         """Apply an assignment, which holds until the sensor is assigned again."""
         if self.readings.give(given, t_ns):
             return
@@ -478,7 +479,7 @@ class _Run:
                 yield f"{name} = {shown(value, leaf.type, unit)}" if is_known(value) else f"{name} is missing"
             case ir.Fresh(name=name):
                 yield f"{name} is {'' if self.interpreter.value_of(leaf) else 'not '}fresh"
-            case ir.Restarted():
+            case ir.RestartedFlag():
                 yield "restarted" if self.interpreter.value_of(leaf) else "not restarted"
             case ir.IsActive(name=name):
                 yield f"{name} is {'' if self.interpreter.value_of(leaf) else 'not '}active"

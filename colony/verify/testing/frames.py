@@ -13,10 +13,9 @@ from typing import TypeVar, assert_never
 from colony.ir import expression as ir
 from colony.ir.bearings import TURN, Bearings, lookup
 from colony.ir.frame import Frame, Reading
-from colony.ir.program import Example, Given, Program, PythonModule, Sensor, gaps_ns, is_regular
+from colony.ir.program import Example, GivenReading, Program, PythonModule, Sensor, gaps_ns, is_regular
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, ScalarValue, Value, element_type
-from colony.ir.walk import all_subexpressions
-from colony.ir.wiring import wiring_graph
+from colony.ir.walk import all_subexpressions, wiring_graph
 from colony.text.units import ANGLE, TIME, Dimension
 from colony.verify.snapshot import Snapshot, present_readings
 
@@ -250,7 +249,7 @@ class GivenReadings:
         self._values: dict[str, Value | None] = {}
         self._taken_ns: dict[str, int] = {}  # only of sensors whose reading ages
 
-    def give(self, given: Given, t_ns: int) -> bool:
+    def give(self, given: GivenReading, t_ns: int) -> bool:
         """Apply an assignment of the step that begins at `t_ns`; False for an element of a missing array.
 
         An element that is given without an age leaves the age of its array as it is.
@@ -282,7 +281,7 @@ class GivenReadings:
         return t_ns - taken_ns
 
 
-def assigned(sensor: Sensor, given: Given, before: Value | None) -> Value | None:
+def assigned(sensor: Sensor, given: GivenReading, before: Value | None) -> Value | None:
     """Return a sensor's value after an assignment; an element is set in the array `before`."""
     value = given.value
     if isinstance(value, tuple) or value is None:
@@ -378,7 +377,7 @@ def sensors_read(program: Program) -> frozenset[str]:
 
 def reads_restarted(program: Program) -> bool:
     """Return True if some expression reads `restarted`."""
-    return any(isinstance(node, ir.Restarted) for node in all_subexpressions(program))
+    return any(isinstance(node, ir.RestartedFlag) for node in all_subexpressions(program))
 
 
 # --- times ---------------------------------------------------------------------------------------

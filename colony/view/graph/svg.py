@@ -44,7 +44,7 @@ class Vertex:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Connection:
+class DrawnWire:
     """A wire between two vertices, by index: into the target from above if `dominant`, else straight."""
 
     source: int
@@ -63,20 +63,20 @@ class Diagram:
     actuator: bool
     used: bool
     vertices: tuple[Vertex, ...]
-    connections: tuple[Connection, ...]
+    connections: tuple[DrawnWire, ...]
     root: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
+class DiagramLayout:
     """Diagrams from top to bottom; rows are numbered across all of them."""
 
     diagrams: tuple[Diagram, ...]
 
 
-def layout(network: Network) -> Layout:
+def layout(network: Network) -> DiagramLayout:
     """Lay out actuators in order, then wires that are used several times, then wires that drive nothing."""
-    return Layout(diagrams=tuple(_Drawing(network).diagrams()))
+    return DiagramLayout(diagrams=tuple(_Drawing(network).diagrams()))
 
 
 def inputs(node: NetworkNode) -> tuple[int, ...]:
@@ -125,7 +125,7 @@ class _Drawing:
     def diagram(self, root: int, ends_in: str, *, actuator: bool, used: bool) -> Diagram:
         """Lay out one tree: rows from the dominant side down, each column after those of the inputs."""
         vertices: list[Vertex] = []
-        connections: list[Connection] = []
+        connections: list[DrawnWire] = []
         pending: list[int] = []  # vertices whose node is not laid out yet
         stack = [(root, False)]  # node, and True once its inputs are on the stack
         while stack:
@@ -143,8 +143,8 @@ class _Drawing:
                 name = "" if index == root and not actuator else wire_name
                 vertices.append(Vertex(node=index, row=vertices[inferior].row, column=column, name=name))
                 target = len(vertices) - 1
-                connections.append(Connection(source=dominant, target=target, dominant=True))
-                connections.append(Connection(source=inferior, target=target, dominant=False))
+                connections.append(DrawnWire(source=dominant, target=target, dominant=True))
+                connections.append(DrawnWire(source=inferior, target=target, dominant=False))
             pending.append(len(vertices) - 1)
         return Diagram(
             ends_in=ends_in,
@@ -311,7 +311,7 @@ class _Picture:
         elements += [self._vertex(diagram, vertex) for vertex in diagram.vertices]
         return elements
 
-    def _connection(self, diagram: Diagram, connection: Connection) -> str:
+    def _connection(self, diagram: Diagram, connection: DrawnWire) -> str:
         source, target = diagram.vertices[connection.source], diagram.vertices[connection.target]
         start, end = self._point(diagram, source), self._point(diagram, target)
         if not connection.dominant:

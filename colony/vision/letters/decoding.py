@@ -57,7 +57,7 @@ WEIGHTS_FILE = "letters.npz"
 
 
 @dataclass(frozen=True, slots=True)
-class Layer:
+class ConvolutionLayer:
     """A convolution: `kernel` is (rows, columns, channels in, channels out), `bias` (channels out)."""
 
     kernel: Floats
@@ -89,8 +89,8 @@ class LetterNet:
         facts: description of the training: seed, steps, fonts, accuracies.
     """
 
-    layers: tuple[Layer, ...]
-    head: tuple[Layer, Layer]
+    layers: tuple[ConvolutionLayer, ...]
+    head: tuple[ConvolutionLayer, ConvolutionLayer]
     sharpness: float
     trust: float
     facts: str
@@ -154,7 +154,7 @@ def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> LetterNet:
     layers = []
     for i in range(count):
         kernel = np.asarray(arrays[f"kernel{i}"], np.float32) * np.asarray(arrays[f"scale{i}"], np.float32)
-        layers.append(Layer(kernel, np.asarray(arrays[f"bias{i}"], np.float32)))
+        layers.append(ConvolutionLayer(kernel, np.asarray(arrays[f"bias{i}"], np.float32)))
     *trunk, hidden, last = layers
     _check_channels(trunk, [1, *(layer.kernel.shape[2] for layer in trunk[1:]), CLASSES])
     _check_channels([hidden, last], [trunk[HEAD_AFTER].kernel.shape[2], last.kernel.shape[2], 1])
@@ -167,7 +167,7 @@ def unpacked(arrays: dict[str, npt.NDArray[np.generic]]) -> LetterNet:
     )
 
 
-def _check_channels(layers: Sequence[Layer], channels: Sequence[int]) -> None:
+def _check_channels(layers: Sequence[ConvolutionLayer], channels: Sequence[int]) -> None:
     """Raise ValueError unless the layers have these numbers of input and output channels."""
     found = [(layer.kernel.shape[2], layer.kernel.shape[3]) for layer in layers]
     if found != list(pairwise(channels)):
@@ -176,7 +176,7 @@ def _check_channels(layers: Sequence[Layer], channels: Sequence[int]) -> None:
         )
 
 
-def _convolve(x: Floats, layer: Layer, pad: tuple[int, int]) -> Floats:
+def _convolve(x: Floats, layer: ConvolutionLayer, pad: tuple[int, int]) -> Floats:
     """Return the convolution without strides, (rows, columns, channels)."""
     height, width, channels, out = layer.kernel.shape
     if pad != (0, 0):

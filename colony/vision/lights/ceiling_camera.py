@@ -20,7 +20,7 @@ LIGHT_LENGTH_MM = 600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CeilingCamera:
+class CeilingCameraModel:
     """A camera that looks straight up, `height_mm` below the ceiling.
 
     Attributes:
@@ -88,9 +88,9 @@ class CeilingCamera:
         return (self.rows - 1) / 2.0 - (left_mm - self.left_mm) / self.mm_per_row
 
 
-def ceiling_camera_of(camera: devices.CeilingCamera) -> CeilingCamera:
+def ceiling_camera_of(camera: devices.CeilingCameraSpec) -> CeilingCameraModel:
     """Return the geometry of a camera of a robot's body."""
-    return CeilingCamera(
+    return CeilingCameraModel(
         columns=camera.size.columns,
         rows=camera.size.rows,
         length_deg=camera.along_deg,

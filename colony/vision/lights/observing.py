@@ -16,8 +16,8 @@ from colony.runtime.kit.errors import (
 from colony.runtime.kit.script import Step, do
 from colony.runtime.library import camera
 from colony.runtime.protocol.images import Image
-from colony.vision.lights.ceiling_camera import CeilingCamera
-from colony.vision.lights.scan_lines import Light, ceiling_lights
+from colony.vision.lights.ceiling_camera import CeilingCameraModel
+from colony.vision.lights.scan_lines import SeenLight, ceiling_lights
 
 _TRIES = 3
 
@@ -29,7 +29,7 @@ class CeilingObservation(NamedTuple):
     """The lights in an image that was taken at `t_ns` of the robot's time, best first."""
 
     t_ns: int
-    lights: tuple[Light, ...]
+    lights: tuple[SeenLight, ...]
 
 
 CeilingObserver = Callable[[float], Generator[Step, Any, tuple[CeilingObservation, ...]]]
@@ -46,7 +46,7 @@ def ensure_period(names: Sequence[str], period_s: float) -> Generator[Step, Any,
             continue
 
 
-def ceiling_observer(names: Sequence[str], geometries: Sequence[CeilingCamera]) -> CeilingObserver:
+def ceiling_observer(names: Sequence[str], geometries: Sequence[CeilingCameraModel]) -> CeilingObserver:
     """Return an observer of these cameras, in their order; a camera that does not answer is skipped."""
     newest_ns = dict.fromkeys(names, -1)
 
@@ -68,7 +68,7 @@ def ceiling_observer(names: Sequence[str], geometries: Sequence[CeilingCamera]) 
     return observe
 
 
-def _scan(name: str, geometry: CeilingCamera) -> Generator[Step, Any, list[Image]]:
+def _scan(name: str, geometry: CeilingCameraModel) -> Generator[Step, Any, list[Image]]:
     """Return the scan lines of one image; none if new images kept arriving in between."""
     bands: list[Image] = []
     for row in geometry.scan_rows * _TRIES:

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, CeilingCamera
+from colony.vision.lights.ceiling_camera import LIGHT_LENGTH_MM, CeilingCameraModel
 
 Lines = NDArray[np.uint8]
 
@@ -77,7 +77,7 @@ class LineLight(NamedTuple):
     quality: float
 
 
-class Light(NamedTuple):
+class SeenLight(NamedTuple):
     """A ceiling light whose center is `ahead_mm` ahead of the robot along the corridor; negative behind it.
 
     `tilt_deg` is the robot's heading minus the corridor's, counterclockwise; None if the lines do not show
@@ -99,7 +99,9 @@ class _Edge(NamedTuple):
     rise: float
 
 
-def ceiling_lights(lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0) -> tuple[Light, ...]:
+def ceiling_lights(
+    lines: Lines, camera: CeilingCameraModel, *, tilt_deg: float = 0.0
+) -> tuple[SeenLight, ...]:
     """Return the lights that the lines agree on, best first, none overlapping a better one.
 
     Args:
@@ -112,14 +114,14 @@ def ceiling_lights(lines: Lines, camera: CeilingCamera, *, tilt_deg: float = 0.0
     if not any(found):
         return ()
     candidates = [candidate for candidate in _candidates(found, lefts_mm, tilt_deg) if candidate is not None]
-    chosen: list[Light] = []
+    chosen: list[SeenLight] = []
     for light in sorted(candidates, key=lambda light: -light.quality):
         if all(abs(light.ahead_mm - other.ahead_mm) > LIGHT_LENGTH_MM for other in chosen):
             chosen.append(light)
     return tuple(chosen)
 
 
-def line_lights(lines: Lines, camera: CeilingCamera) -> tuple[tuple[LineLight, ...], ...]:
+def line_lights(lines: Lines, camera: CeilingCameraModel) -> tuple[tuple[LineLight, ...], ...]:
     """Return the lights in each single line.
 
     Raises:
@@ -211,7 +213,7 @@ def _separate(edges: list[_Edge]) -> list[_Edge]:
 # --- lights of a line ------------------------------------------------------------------------------
 
 
-def _find_lights(edges: list[_Edge], camera: CeilingCamera) -> tuple[LineLight, ...]:
+def _find_lights(edges: list[_Edge], camera: CeilingCameraModel) -> tuple[LineLight, ...]:
     """Return the pairs of edges that are lights; if there are none, the single edges of partial lights."""
     lights = [
         light
@@ -225,7 +227,7 @@ def _find_lights(edges: list[_Edge], camera: CeilingCamera) -> tuple[LineLight, 
     return tuple(light for edge in edges if (light := _partial(edge, camera)) is not None)
 
 
-def _pair(near: _Edge, far: _Edge, camera: CeilingCamera) -> LineLight | None:
+def _pair(near: _Edge, far: _Edge, camera: CeilingCameraModel) -> LineLight | None:
     length_mm = (far.column - near.column) * camera.mm_per_column
     excess = max(LIGHT_LENGTH_MM - length_mm, length_mm - _max_length_mm(), 0.0)
     if excess > _LENGTH_TOLERANCE_MM:
@@ -237,7 +239,7 @@ def _pair(near: _Edge, far: _Edge, camera: CeilingCamera) -> LineLight | None:
     return LineLight(camera.ahead_of(near.column), camera.ahead_of(far.column), strength, quality)
 
 
-def _partial(edge: _Edge, camera: CeilingCamera) -> LineLight | None:
+def _partial(edge: _Edge, camera: CeilingCameraModel) -> LineLight | None:
     if abs(edge.rise) < MIN_PARTIAL_STRENGTH:
         return None
     at_mm = camera.ahead_of(edge.column)
@@ -259,7 +261,7 @@ def _max_length_mm() -> float:
 
 def _candidates(
     found: tuple[tuple[LineLight, ...], ...], lefts_mm: list[float], tilt_deg: float
-) -> list[Light | None]:
+) -> list[SeenLight | None]:
     """Return the candidates from each line, each pair of lines and all lines together."""
     all_line_lights = [
         (light, left) for lights, left in zip(found, lefts_mm, strict=True) for light in lights
@@ -276,16 +278,16 @@ def _of_different_lines(group: tuple[tuple[LineLight, float], ...]) -> bool:
     return len({left for _, left in group}) == len(group)
 
 
-def _single_line_light(light: LineLight, left_mm: float, tilt_deg: float, lines: int) -> Light | None:
+def _single_line_light(light: LineLight, left_mm: float, tilt_deg: float, lines: int) -> SeenLight | None:
     if light.near_mm is None or light.far_mm is None or light.strength < MIN_SINGLE_STRENGTH:
         return None
     tilt = math.radians(tilt_deg)
     center = (light.near_mm + light.far_mm) / 2.0
     ahead = center * math.cos(tilt) - left_mm * math.sin(tilt)
-    return Light(ahead, None, 1, True, light.quality / lines)
+    return SeenLight(ahead, None, 1, True, light.quality / lines)
 
 
-def _fuse(group: tuple[tuple[LineLight, float], ...], tilt_deg: float, lines: int) -> Light | None:
+def _fuse(group: tuple[tuple[LineLight, float], ...], tilt_deg: float, lines: int) -> SeenLight | None:
     """Return the light that these lines see, if one tilt explains all of their edges."""
     near = [(light.near_mm, left) for light, left in group if light.near_mm is not None]
     far = [(light.far_mm, left) for light, left in group if light.far_mm is not None]
@@ -303,7 +305,7 @@ def _fuse(group: tuple[tuple[LineLight, float], ...], tilt_deg: float, lines: in
     fit = 1.0 - spread / _AGREEMENT_MM
     quality = sum(light.quality for light, _ in group) / lines * (0.5 + 0.5 * fit)
     measured = None if slope is None else math.degrees(tilt)
-    return Light(ahead, measured, len(group), bool(near) and bool(far), quality)
+    return SeenLight(ahead, measured, len(group), bool(near) and bool(far), quality)
 
 
 def _slope(near: list[tuple[float, float]], far: list[tuple[float, float]]) -> float | None:

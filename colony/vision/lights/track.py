@@ -24,7 +24,6 @@ from itertools import accumulate, combinations, pairwise
 from statistics import median
 from typing import Any, NamedTuple
 
-from colony.nav.calls import read_variables, try_wait
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -35,10 +34,12 @@ from colony.nav.shared import (
     TRACK_DATA,
     TRACK_START,
     GoalKind,
+    read_variables,
+    try_wait,
 )
 from colony.runtime.kit.script import Step, do
 from colony.runtime.library import data, robot
-from colony.vision.lights.scan_lines import MAX_TILT_DEG, Light
+from colony.vision.lights.scan_lines import MAX_TILT_DEG, SeenLight
 
 # --- along track --------------------------------------------------------------------------------------
 #
@@ -65,7 +66,7 @@ _JUMP_SIGMAS = 2.5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scale:
+class OdometryScale:
     """The odometry's scale error, 0.01 if it reports 990 mm for a meter, and its variance."""
 
     error: float = 0.0
@@ -84,7 +85,7 @@ class TrackEstimate:
     error_mm: float = 0.0
     variance: float = START_SIGMA_MM**2
     covariance: float = 0.0
-    scale: Scale = Scale()
+    scale: OdometryScale = OdometryScale()
 
     @property
     def progress_mm(self) -> float:
@@ -113,7 +114,7 @@ class TrackEstimate:
             innovation_variance = innovation * innovation + variance
         gain = 1.0 - variance / innovation_variance
         scale_gain = 0.0 if jumped else self.covariance / innovation_variance
-        learned = Scale(
+        learned = OdometryScale(
             error=self.scale.error + scale_gain * innovation,
             variance=self.scale.variance - scale_gain * self.covariance,
         )
@@ -192,7 +193,7 @@ class LightGoal:
 class LightDetections(NamedTuple):
     """The lights in an image, with the robot's reported progress and tilt at the time of the image."""
 
-    lights: tuple[Light, ...]
+    lights: tuple[SeenLight, ...]
     progress_mm: float
     tilt_deg: float
     t_ns: int = 0
@@ -259,7 +260,9 @@ class LightTrack:
     blind: bool = False
 
     @classmethod
-    def start(cls, goal: LightGoal, scale: Scale, passed: int = 0, *, blind: bool = False) -> LightTrack:
+    def start(
+        cls, goal: LightGoal, scale: OdometryScale, passed: int = 0, *, blind: bool = False
+    ) -> LightTrack:
         """Start at the beginning of a goal, or at one of its lights, with the known scale of the odometry."""
         at_mm = goal.lights_mm[passed - 1] if passed else 0.0
         return cls(goal=goal, reckoning=TrackEstimate(at_mm=at_mm, scale=scale), passed=passed, blind=blind)
@@ -358,7 +361,9 @@ class LightTrack:
         in_view = _IN_VIEW_MM if self.dark_images >= _DARK_IMAGES else 0.0
         return max(0.0, tolerance_mm(reckoning, self.goal.lights_mm) - in_view)
 
-    def _with_light(self, light: Light, detections: LightDetections, reckoning: TrackEstimate) -> LightTrack:
+    def _with_light(
+        self, light: SeenLight, detections: LightDetections, reckoning: TrackEstimate
+    ) -> LightTrack:
         """Return the track after one light of an image."""
         place = reckoning.progress_mm + light.ahead_mm
         lights = self.goal.lights_mm
@@ -385,7 +390,7 @@ class LightTrack:
             seen_whole=self.seen_whole or light.whole,
         )
 
-    def _with_stray(self, light: Light, detections: LightDetections) -> LightTrack:
+    def _with_stray(self, light: SeenLight, detections: LightDetections) -> LightTrack:
         """Return the track after a stray light; a second one may relocate the robot."""
         if not light.whole:
             return self

@@ -23,8 +23,7 @@ from collections import deque
 from collections.abc import Generator, Sequence
 from typing import Any
 
-from colony.nav.calls import read_variables
-from colony.nav.pose.pose import Fix, PoseEstimate, Row, fix_list, pose_of
+from colony.nav.pose.pose import Fix, MeasurementRow, PoseEstimate, fix_list, pose_of
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -33,18 +32,20 @@ from colony.nav.shared import (
     OVERSHOOT,
     POSE,
     TRACK_DATA,
+    read_variables,
 )
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import data, robot
 from colony.runtime.library.robot import Position
-from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
+from colony.vision.detections import PERIOD_S
+from colony.vision.lights.ceiling_camera import UPWARD, CeilingCameraModel
 from colony.vision.lights.observing import NO_ANSWER_ERRORS, CeilingObserver, ceiling_observer, ensure_period
 from colony.vision.lights.track import (
     LightDetections,
     LightPassing,
     LightTrack,
+    OdometryScale,
     ProgressMeasurement,
-    Scale,
     UnfinishedGoal,
     abandon_goal,
     end_goal,
@@ -53,7 +54,6 @@ from colony.vision.lights.track import (
     take_new_goal_signal,
     unfinished_goal,
 )
-from colony.vision.periods import PERIOD_S
 
 GOAL_CHECK_INTERVAL_S = 1.0
 """Seconds between two checks, while tracking, for a new goal that replaces the current one."""
@@ -71,7 +71,7 @@ _POSITIONS = 8
 def light_tracker(
     *,
     cameras: Sequence[str] = ("CServerUp",),
-    geometry: CeilingCamera | Sequence[CeilingCamera] = UPWARD,
+    geometry: CeilingCameraModel | Sequence[CeilingCameraModel] = UPWARD,
     kind: type[LightTrack] = LightTrack,
     period_s: float = PERIOD_S,
 ) -> Script:
@@ -87,7 +87,7 @@ def light_tracker(
         ValueError: the numbers of geometries and cameras differ; later, in the script: the variables of a
             goal are inconsistent.
     """
-    geometries = (geometry,) * len(cameras) if isinstance(geometry, CeilingCamera) else tuple(geometry)
+    geometries = (geometry,) * len(cameras) if isinstance(geometry, CeilingCameraModel) else tuple(geometry)
     if len(geometries) != len(cameras):
         raise ValueError(f"{len(cameras)} cameras with {len(geometries)} geometries; expected one for each")
     return _tracker(ceiling_observer(cameras, geometries), cameras, period_s, kind)
@@ -99,7 +99,7 @@ def _tracker(
     yield from ensure_period(cameras, period_s)
     for name in (TRACK_DATA, LIGHT_DETECTED, END_L_MODE):
         yield from do("DServer", data.create_semaphore(name, 0))
-    scale = Scale()
+    scale = OdometryScale()
     has_goal = yield from take_new_goal_signal()
     unfinished = None if has_goal else (yield from unfinished_goal())
     while True:
@@ -126,7 +126,7 @@ class _Tracking:
         self._published_ns = -1
 
     @property
-    def scale(self) -> Scale:
+    def scale(self) -> OdometryScale:
         """The current estimate of the odometry's scale."""
         return self._track.reckoning.scale
 
@@ -216,10 +216,10 @@ class _Tracking:
         goal = self._track.goal
         east, north = goal.ahead
         along = east * goal.x_mm + north * goal.y_mm + measurement.place_mm
-        rows = [Row(east, north, 0.0, along, measurement.sigma_mm)]
+        rows = [MeasurementRow(east, north, 0.0, along, measurement.sigma_mm)]
         if heading_error_deg is not None:
             heading = math.radians(goal.direction_deg + measurement.tilt_deg + heading_error_deg)
-            rows.append(Row(0.0, 0.0, 1.0, heading, math.radians(TILT_SIGMA_DEG)))
+            rows.append(MeasurementRow(0.0, 0.0, 1.0, heading, math.radians(TILT_SIGMA_DEG)))
         yield from do("DServer", data.set(LIGHT_FIX, fix_list(Fix(measurement.t_ns, tuple(rows)))))
         self._published_ns = self._positions[-1].t_ns
 

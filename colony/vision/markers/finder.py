@@ -18,7 +18,6 @@ from collections import deque
 from collections.abc import Generator, Mapping, Sequence
 from typing import Any
 
-from colony.nav.calls import read_variables
 from colony.nav.maps.signs import Marker
 from colony.nav.pose.pose import Fix, fix_list
 from colony.nav.shared import (
@@ -31,6 +30,7 @@ from colony.nav.shared import (
     MARKER_FACING,
     MARKER_FIX,
     GoalKind,
+    read_variables,
 )
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import camera as library

@@ -34,7 +34,7 @@ from colony.nav.maps.signs import (
     STRIPE_MM,
     Marker,
 )
-from colony.nav.pose.pose import Row
+from colony.nav.pose.pose import MeasurementRow
 from colony.runtime.library.robot import Position
 from colony.vision.detections import MarkerBox
 from colony.vision.gray_images import Gray, gray_image
@@ -140,7 +140,7 @@ def marker_pose(box: MarkerBox, camera: LevelCamera = AHEAD) -> MarkerPose | Non
     )
 
 
-def marker_rows(pose: MarkerPose, marker: Marker, here: Position) -> tuple[Row, ...]:
+def marker_rows(pose: MarkerPose, marker: Marker, here: Position) -> tuple[MeasurementRow, ...]:
     """Return the measurements of the robot's pose by a known marker.
 
     They are the bearing and, near the marker, the distance and the heading. `here` is the robot's estimated
@@ -153,7 +153,7 @@ def marker_rows(pose: MarkerPose, marker: Marker, here: Position) -> tuple[Row, 
     theta = math.atan2(-east, north)
     bearing_error = math.remainder(math.radians(pose.bearing_deg) + heading - theta, math.tau)
     cx, cy = north / map_distance**2, -east / map_distance**2
-    bearing = Row(
+    bearing = MeasurementRow(
         cx,
         cy,
         -1.0,
@@ -162,9 +162,9 @@ def marker_rows(pose: MarkerPose, marker: Marker, here: Position) -> tuple[Row, 
     )
     ux, uy = -east / map_distance, -north / map_distance
     excess_mm = pose.distance_mm - math.hypot(east, north)
-    distance = Row(ux, uy, 0.0, ux * here.x + uy * here.y + excess_mm, pose.distance_sigma_mm)
+    distance = MeasurementRow(ux, uy, 0.0, ux * here.x + uy * here.y + excess_mm, pose.distance_sigma_mm)
     turned = math.remainder(math.radians(marker.heading_deg - pose.facing_deg) - heading, math.tau)
-    facing = Row(0.0, 0.0, 1.0, heading + turned, math.radians(pose.facing_sigma_deg))
+    facing = MeasurementRow(0.0, 0.0, 1.0, heading + turned, math.radians(pose.facing_sigma_deg))
     return (bearing, distance, facing) if pose.facing_sigma_deg <= MAX_SLANT_SIGMA_DEG else (bearing,)
 
 

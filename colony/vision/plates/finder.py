@@ -29,14 +29,13 @@ from colony.nav.shared import FLOOR, GOAL_DIRECTION, PLATE_FIX, PLATE_SEEN, POSE
 from colony.runtime.kit.script import Script, Step, do, sleep
 from colony.runtime.library import camera as cameras
 from colony.runtime.library import data, robot
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.robot import Position
 from colony.runtime.protocol.images import Image
-from colony.vision.detections import PlateBox, Reading
+from colony.vision.detections import PERIOD_S, PlateBox, PlateReading
 from colony.vision.gray_images import gray_image
 from colony.vision.level_camera import SIDE, LevelCamera, prepare_camera
 from colony.vision.lights.observing import NO_ANSWER_ERRORS
-from colony.vision.periods import PERIOD_S
 from colony.vision.plates.observations import FoundPlate, gate_mm
 from colony.vision.plates.search import FloorPlates, PlateSearch, SearchResult, View, is_too_steep
 
@@ -52,7 +51,7 @@ MAX_UNPUBLISHED = 16
 OnPlate = Callable[[FoundPlate], None]
 """Callback with each plate that is found."""
 
-PlateReader = Callable[[NDArray[np.uint8], PlateBox], Reading]
+PlateReader = Callable[[NDArray[np.uint8], PlateBox], PlateReading]
 """Reads the text on a plate in an image."""
 
 Look = Callable[[View], Generator[Step, Any, SearchResult]]
@@ -61,7 +60,7 @@ Look = Callable[[View], Generator[Step, Any, SearchResult]]
 T = TypeVar("T")
 
 
-def default_reader(image: NDArray[np.uint8], box: PlateBox) -> Reading:
+def default_reader(image: NDArray[np.uint8], box: PlateBox) -> PlateReading:
     """Read a plate with Colony's own reader."""
     from colony.vision.plates.reader import read_plate
 
@@ -208,7 +207,7 @@ def _pose(position: Position) -> Pose:
     return Pose(position.x, position.y, position.heading)
 
 
-def _try_ask(server: str, ask: Ask[T]) -> Generator[Step, Any, T | None]:
+def _try_ask(server: str, ask: CallRequest[T]) -> Generator[Step, Any, T | None]:
     """Return a server's answer, or None if it does not answer."""
     try:
         return (yield from do(server, ask))

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 from colony.nav.maps.signs import PLATE_HEIGHT_MM, Plate
 from colony.nav.maps.stickrep.model import Pose
-from colony.nav.pose.pose import Fix, Row
-from colony.vision.detections import PlateBox, Reading
+from colony.nav.pose.pose import Fix, MeasurementRow
+from colony.vision.detections import PlateBox, PlateReading
 from colony.vision.level_camera import LevelCamera
 
 DEPTH_SIGMA = 0.04
@@ -50,7 +50,7 @@ class PlateObservation(NamedTuple):
     depth_mm: float
     rise_mm: float
     score: float
-    reading: Reading
+    reading: PlateReading
 
     @property
     def range_mm(self) -> float:
@@ -93,7 +93,7 @@ class FoundPlate:
 
 
 def observe_plate(
-    box: PlateBox, camera: LevelCamera, robot: Pose, *, t_ns: int, reading: Reading, first_row: int = 0
+    box: PlateBox, camera: LevelCamera, robot: Pose, *, t_ns: int, reading: PlateReading, first_row: int = 0
 ) -> PlateObservation:
     """Return the observation of a plate in an image, or in a band that begins with row `first_row`.
 
@@ -130,17 +130,19 @@ def fix_of_plate(observation: PlateObservation, plate: Plate) -> Fix:
     return Fix(observation.t_ns, (bearing, _depth_row(observation, plate)))
 
 
-def _bearing_row(observation: PlateObservation, plate: Plate) -> Row:
+def _bearing_row(observation: PlateObservation, plate: Plate) -> MeasurementRow:
     """Return the row of the line of sight: n (plate - robot) = 0, n across it; the heading rotates it."""
     x, y = observation.ray
     nx, ny = y, -x
     distance = x * (plate.center.x - observation.robot.x_mm) + y * (plate.center.y - observation.robot.y_mm)
     value = nx * plate.center.x + ny * plate.center.y - distance * math.radians(observation.robot.heading_deg)
     own_sigma_mm = distance * math.radians(BEARING_SIGMA_DEG)
-    return Row(nx, ny, -distance, value, math.hypot(own_sigma_mm, math.sqrt(CORRELATED_FIXES) * MAP_SIGMA_MM))
+    return MeasurementRow(
+        nx, ny, -distance, value, math.hypot(own_sigma_mm, math.sqrt(CORRELATED_FIXES) * MAP_SIGMA_MM)
+    )
 
 
-def _depth_row(observation: PlateObservation, plate: Plate) -> Row:
+def _depth_row(observation: PlateObservation, plate: Plate) -> MeasurementRow:
     """Return the row of the plate's depth: a (plate - robot) = depth, a along the optical axis.
 
     The depth depends little on the heading, and not at all for a plate on the optical axis. This is too
@@ -153,7 +155,7 @@ def _depth_row(observation: PlateObservation, plate: Plate) -> Row:
     heading_sigma_mm = (ay * dx - ax * dy) * math.radians(HEADING_SIGMA_DEG)
     value = ax * plate.center.x + ay * plate.center.y - observation.depth_mm
     own_sigma_mm = math.sqrt(CORRELATED_FIXES) * math.hypot(DEPTH_SIGMA * observation.depth_mm, MAP_SIGMA_MM)
-    return Row(ax, ay, 0.0, value, math.hypot(own_sigma_mm, heading_sigma_mm))
+    return MeasurementRow(ax, ay, 0.0, value, math.hypot(own_sigma_mm, heading_sigma_mm))
 
 
 # --- map ----------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from colony.nav.maps.signs import CHARACTERS
-from colony.vision.detections import Corner, PlateBox, Reading
+from colony.vision.detections import Corner, PlateBox, PlateReading
 from colony.vision.gray_images import Gray, gray_image
 from colony.vision.letters.decoding import (
     MAX_CHARACTERS,
@@ -119,7 +119,7 @@ def _stretched(strip: Floats) -> Floats:
 
 # --- reader -------------------------------------------------------------------------------------------
 
-NOTHING = Reading("", 1.0)
+NOTHING = PlateReading("", 1.0)
 """Reading of a box that certainly does not hold a plate."""
 
 ALTERNATIVES = 8
@@ -137,7 +137,7 @@ def read_plate(
     box: PlateBox,
     *,
     lexicon: Collection[str] | None = None,
-) -> Reading:
+) -> PlateReading:
     """Read the text on a plate.
 
     Args:
@@ -164,7 +164,7 @@ def read_plate(
     return reading_of(net.run(strip), net, texts)
 
 
-def reading_of(output: NetworkOutput, net: LetterNet, lexicon: Collection[str] = ()) -> Reading:
+def reading_of(output: NetworkOutput, net: LetterNet, lexicon: Collection[str] = ()) -> PlateReading:
     """Return the reading of a strip from the network's output."""
     return weigh(texts_of(output, lexicon), output.plate_log_odds, net, lexicon)
 
@@ -183,7 +183,7 @@ def texts_of(output: NetworkOutput, lexicon: Collection[str] = ()) -> dict[str, 
 
 def weigh(
     log_probabilities: dict[str, float], plate_log_odds: float, net: LetterNet, lexicon: Collection[str] = ()
-) -> Reading:
+) -> PlateReading:
     """Return the reading by the network's output and the prior.
 
     Args:
@@ -205,7 +205,7 @@ def weigh(
     return _reading({"": -_softplus(plate_log_odds), **weights})
 
 
-def combine_readings(readings: Iterable[Reading]) -> Reading:
+def combine_readings(readings: Iterable[PlateReading]) -> PlateReading:
     """Combine several readings of one plate, assumed to be independent: their probabilities multiply.
 
     Readings of "" count as well: if most are, so is the result. Without any readings it is "" with confidence
@@ -213,7 +213,7 @@ def combine_readings(readings: Iterable[Reading]) -> Reading:
     """
     tables = [dict(((reading.text, reading.confidence), *reading.alternatives)) for reading in readings]
     if not tables:
-        return Reading("", 0.0)
+        return PlateReading("", 0.0)
     texts = {text for table in tables for text in table}
     return _reading(
         {
@@ -223,7 +223,7 @@ def combine_readings(readings: Iterable[Reading]) -> Reading:
     )
 
 
-def _reading(weights: dict[str, float]) -> Reading:
+def _reading(weights: dict[str, float]) -> PlateReading:
     """Return the reading of texts whose probabilities are proportional to the exponentials of the weights."""
     top = max(weights.values())
     likelihoods = {text: math.exp(weight - top) for text, weight in weights.items()}
@@ -231,7 +231,7 @@ def _reading(weights: dict[str, float]) -> Reading:
     ranked = sorted(likelihoods.items(), key=lambda entry: (-entry[1], entry[0]))
     text, likelihood = ranked[0]
     others = islice(ranked[1:], ALTERNATIVES)
-    return Reading(
+    return PlateReading(
         text, likelihood / total, tuple((t, s / total) for t, s in others if s > _MIN_PROBABILITY * total)
     )
 

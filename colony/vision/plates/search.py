@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from colony.nav.maps.signs import PLATE_WIDTH_MM, Plate
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.pose import Fix
-from colony.vision.detections import PlateBox, Reading
+from colony.vision.detections import PlateBox, PlateReading
 from colony.vision.gray_images import Gray
 from colony.vision.level_camera import LevelCamera
 from colony.vision.plates.detector import find_plates
@@ -66,7 +66,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Track:
+class PlateTrack:
     """A track of a possible plate. Mutable.
 
     Attributes:
@@ -114,7 +114,7 @@ class Track:
         return float(np.median([observation.rise_mm for observation in self.observations]))
 
     @classmethod
-    def start(cls, observation: PlateObservation) -> Track:
+    def start(cls, observation: PlateObservation) -> PlateTrack:
         """Start a track with one observation."""
         track = cls(place=np.array(observation.place), covariance=_covariance(observation))
         track._add(observation)
@@ -153,23 +153,25 @@ class PlateTracks:
     def __init__(self, camera: LevelCamera) -> None:
         """Start without tracks."""
         self._camera = camera
-        self._tracks: list[Track] = []
+        self._tracks: list[PlateTrack] = []
         self._last: tuple[int, Pose] | None = None
 
     @property
-    def tracks(self) -> tuple[Track, ...]:
+    def tracks(self) -> tuple[PlateTrack, ...]:
         """All tracks, the oldest first."""
         return tuple(self._tracks)
 
-    def update(self, t_ns: int, robot: Pose, observations: Sequence[PlateObservation]) -> tuple[Track, ...]:
+    def update(
+        self, t_ns: int, robot: Pose, observations: Sequence[PlateObservation]
+    ) -> tuple[PlateTrack, ...]:
         """Update the tracks with an image's observations; return the track of each, in the same order."""
         self.move(t_ns, robot)
         unmatched = list(self._tracks)
-        matched: list[Track] = []
+        matched: list[PlateTrack] = []
         for observation in observations:
             track = _nearest(observation, unmatched)
             if track is None:
-                track = Track.start(observation)
+                track = PlateTrack.start(observation)
                 self._tracks.append(track)
             else:
                 unmatched.remove(track)
@@ -201,7 +203,7 @@ class PlateTracks:
         for track in self._tracks:
             track.move(rotation, here, there)
 
-    def is_in_view(self, track: Track) -> bool:
+    def is_in_view(self, track: PlateTrack) -> bool:
         """Return True if a whole plate at the track's position would be in the newest image."""
         if self._last is None:
             return False
@@ -224,10 +226,10 @@ def _covariance(observation: PlateObservation) -> Floats:
     return np.asarray(along**2 * np.outer(ray, ray) + cross**2 * np.outer(across, across))
 
 
-def _nearest(observation: PlateObservation, tracks: Sequence[Track]) -> Track | None:
+def _nearest(observation: PlateObservation, tracks: Sequence[PlateTrack]) -> PlateTrack | None:
     """Return the nearest track within the gates of an observation, or None."""
     x, y = observation.ray
-    candidates: list[tuple[float, Track]] = []
+    candidates: list[tuple[float, PlateTrack]] = []
     for track in tracks:
         dx, dy = (track.place - observation.place).tolist()
         along, cross = abs(x * dx + y * dy), abs(y * dx - x * dy)
@@ -236,7 +238,7 @@ def _nearest(observation: PlateObservation, tracks: Sequence[Track]) -> Track | 
     return min(candidates, key=lambda match: match[0])[1] if candidates else None
 
 
-def _is_worth_keeping(track: Track, robot: Pose) -> bool:
+def _is_worth_keeping(track: PlateTrack, robot: Pose) -> bool:
     distance_mm = math.hypot(*(track.place - (robot.x_mm, robot.y_mm)).tolist())
     missing = track.misses >= _SURE_MISSES and track.misses > 2 * track.count
     return distance_mm < DROP_MM and (track.reported or not missing)
@@ -275,9 +277,9 @@ SETTLED_OBSERVATIONS = 6
 More observations make a better reading.
 """
 
-UNREAD = Reading("", 0.0)
+UNREAD = PlateReading("", 0.0)
 
-Reader = Callable[[Gray, PlateBox], Reading]
+Reader = Callable[[Gray, PlateBox], PlateReading]
 """Reads the text on a plate in an image."""
 
 
@@ -352,7 +354,7 @@ class PlateSearch:
         ]
         return SearchResult(tuple(plates), tuple(fixes))
 
-    def _update_tracks(self, view: View) -> tuple[Track, ...]:
+    def _update_tracks(self, view: View) -> tuple[PlateTrack, ...]:
         """Update the tracks with a view, and return the tracks of the plates in it."""
         if view.band is None or (view.tilt_deg is not None and is_too_steep(view.tilt_deg)):
             self._tracks.move(view.t_ns, view.robot)
@@ -361,7 +363,7 @@ class PlateSearch:
         seen = [observe_box(view.band, box, view, self._camera, self._reader) for box in boxes]
         return self._tracks.update(view.t_ns, view.robot, seen)
 
-    def _identify(self, track: Track, floor_plates: FloorPlates) -> Plate | None:
+    def _identify(self, track: PlateTrack, floor_plates: FloorPlates) -> Plate | None:
         """Return the map's plate of a track, or None if unknown."""
         if track.door is None and track.count >= KNOWN_PLATE_OBSERVATIONS:
             reading = self._read(track)
@@ -374,13 +376,13 @@ class PlateSearch:
             track.door = None if plate is None else plate.door
         return next((plate for plate in floor_plates.plates if plate.door == track.door), None)
 
-    def _is_settled(self, track: Track, is_in_image: bool) -> bool:
+    def _is_settled(self, track: PlateTrack, is_in_image: bool) -> bool:
         """Return True if a track can be reported: it has enough observations, or has left the view."""
         if track.count >= SETTLED_OBSERVATIONS:
             return True
         return not is_in_image and not self._tracks.is_in_view(track)
 
-    def _is_confirmed(self, track: Track, floor_plates: FloorPlates | None) -> bool:
+    def _is_confirmed(self, track: PlateTrack, floor_plates: FloorPlates | None) -> bool:
         """Return True if enough observations confirm that a track is a plate."""
         if floor_plates is not None:
             return (
@@ -397,13 +399,13 @@ class PlateSearch:
             and (self._reader is None or self._is_legible(track))
         )
 
-    def _is_legible(self, track: Track) -> bool:
+    def _is_legible(self, track: PlateTrack) -> bool:
         """Return True if the observations agree on a text."""
         text = self._read(track).text
         alike = sum(observation.reading.text == text for observation in track.observations)
         return text != "" and alike >= MIN_AGREEMENT * len(track.observations)
 
-    def _report(self, track: Track) -> FoundPlate:
+    def _report(self, track: PlateTrack) -> FoundPlate:
         track.reported = True
         reading = self._read(track)
         x, y = track.place.tolist()
@@ -413,7 +415,7 @@ class PlateSearch:
             place=(x, y), robot=newest.robot, images=track.count,
         )  # fmt: skip
 
-    def _read(self, track: Track) -> Reading:
+    def _read(self, track: PlateTrack) -> PlateReading:
         """Return the combined reading of a track's observations."""
         if self._reader is None:
             return UNREAD

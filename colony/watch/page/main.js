@@ -73,7 +73,7 @@ function setUp({ scene, live, may_stop, may_ask }) {
     new Judged({ contracts: $("contracts"), states: $("states") }, scene),
   ];
   if (scene.modules.includes(chosen)) page.network.choose(chosen);
-  else if (scene.is_idle) showReason("No program runs", "Once `colony run FILE --connect` starts one, this page shows it.");
+  else if (scene.is_idle) showReason("No program runs", "Once `colony drive FILE` starts one, this page shows it.");
   else showReason("Why?", "Choose a module to ask why it commands, or why not.");
 }
 

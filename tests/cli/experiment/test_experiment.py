@@ -94,7 +94,7 @@ def test_experiment_against_another_behavior_pairs_runs_and_draws(
         ((), "no world: give --map MAP"),
         (("--map", "loop", "--vary", "start", "--start", "0,0,0"), "exclude each other"),
         (("--map", "loop", "--hazards"), "--hazards requires --from and --to"),
-        (("--map", "loop", "--from", "201"), "belong together"),
+        (("--map", "loop", "--from", "201"), "found --from alone"),
         (("--map", "loop", "--movers", "5..1"), "--movers: found `5..1`"),
         (("--map", "loop", "--movers", "-1"), "--movers: found `-1`"),
         (("--map", "loop", "--param", "avoid.clearance=1m"), "--param avoid.clearance: found `1m`"),

@@ -1,4 +1,4 @@
-"""`colony run --connect --map MAP --from ROOM --to ROOM`: a robot that is served is led, and somebody at the
+"""`colony drive --map MAP --from ROOM --to ROOM`: a robot that is served is led, and somebody at the
 terminal is asked to press the buttons of elevators."""
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def served(machine: Machine, ground: str, *options: str) -> Started:
 
 def led(machine: Machine, ground: str, *options: str) -> Started:
     way = ("--from", "liftR", "--to", "upper:liftR")
-    return machine.start("run", NAVIGATOR, "--connect", "--robot", ROBOT, "--map", ground, *way, *options)
+    return machine.start("drive", NAVIGATOR, "--robot", ROBOT, "--map", ground, *way, *options)
 
 
 @pytest.mark.thorough

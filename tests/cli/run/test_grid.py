@@ -67,7 +67,7 @@ def test_a_start_from_where_a_robot_gets_nowhere_is_reported(colony: Colony, tmp
             ("--start", "-3m,0,0"),
             "is 0 mm from a wall or from cells that are unknown; expected at least 400 mm",
         ),
-        (("--from", "a", "--to", "b", "--start", "0,0,0"), "--start is for a simulated robot without --from"),
+        (("--from", "a", "--to", "b", "--start", "0,0,0"), "--to excludes --start"),
         (("--processes", "--camera", "0"), "a camera requires a building; found an occupancy grid"),
     ],
 )

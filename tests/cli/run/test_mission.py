@@ -56,7 +56,7 @@ def test_who_does_not_arrive_is_told_where_it_is_and_its_way_is_drawn_on_both_fl
         ),
         (("--from", "A", "--to", "7:C"), "there is no goal `7:C` in the map `ground` or `upper`"),
         (("--from", "A"), "found --from alone"),
-        (("--hazards", "1"), "--hazards requires --from and --to"),
+        (("--hazards", "1"), "--hazards requires --to"),
     ],
 )
 def test_rooms_that_are_not_there_and_half_a_way_are_refused(
@@ -108,11 +108,9 @@ def test_a_robot_of_processes_rides_to_another_floor_and_its_decisions_are_the_i
     assert json.loads(audited.out)["agrees"] is True
 
 
-def test_a_robot_that_is_there_is_led_through_a_map_and_has_its_own_hazards(colony: Colony) -> None:
+def test_drive_requires_map_and_goal_together(colony: Colony) -> None:
     way = ("--from", "350R", "--to", "352L")
-    no_map = colony("run", NAVIGATOR, "--connect", *way)
+    no_map = colony("drive", NAVIGATOR, *way)
     assert (no_map.code, "--to requires --map MAP, the building to drive through" in no_map.err) == (2, True)
-    no_way = colony("run", NAVIGATOR, "--connect", "--map", MAP)
-    assert (no_way.code, "--connect takes --map only with --from and --to" in no_way.err) == (2, True)
-    hazards = colony("run", NAVIGATOR, "--connect", "--map", MAP, *way, "--hazards", "3")
-    assert (hazards.code, "give it to `colony serve`" in hazards.err) == (2, True)
+    no_way = colony("drive", NAVIGATOR, "--map", MAP)
+    assert (no_way.code, "--map is for --from and --to" in no_way.err) == (2, True)

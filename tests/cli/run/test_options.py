@@ -2,13 +2,48 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+from unittest.mock import ANY
+
+import click
 import pytest
 
-from colony.cli.run.options import OptionError, duration_ns, held
+from colony.cli.run import command as run_command
+from colony.cli.run.options import OptionError, duration_ns, held, run_spec
+from colony.cli.serve import command as serve_command
+from colony.cli.serve.processes import ServeSpec
 from colony.ir.program import Program, Robot, Sensor
 from colony.ir.types import BOOL, DIMENSIONLESS, DISTANCE, Array, Enum, Type
+from colony.runs.spec import RunSpec
+from colony.sim.world_spec import WorldSpec
 
 S = 1_000_000_000
+
+
+def names(command: click.Command) -> set[str]:
+    return {str(option.name) for option in command.params}
+
+
+def test_every_field_of_a_specification_is_an_option() -> None:
+    run, serve = names(run_command), names(serve_command)
+    world = {*WorldSpec.__struct_fields__} - {"floors"}  # which follow from the route
+    assert world <= run
+    assert world <= serve
+    assert {field.name for field in fields(RunSpec)} - {"world", "pinned_variables", "others"} <= run
+    assert {field.name for field in fields(ServeSpec)} - {
+        *("described", "world", "pinned_variables", "interface", "limits")
+    } <= serve
+
+
+def test_options_become_the_fields_of_their_names() -> None:
+    options = {"file": "f", "seed": 7, "movers": 2, "length_ns": S, "settings": ("Count=1",), "watch": True}
+    assert run_spec(PROGRAM.robot, options) == RunSpec(
+        file="f",
+        world=WorldSpec(seed=7, movers=2),
+        length_ns=S,
+        pinned_variables={"Count": 1.0},
+        scenario=ANY,
+    )
 
 
 @pytest.mark.parametrize(

@@ -197,36 +197,46 @@ network { drive = seeks }
 
 
 BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
-    ((), "no robot: give --map MAP"),
-    (("--map", MAP, "--connect"), "the robot is already running"),
+    ((), "no robot: give --map MAP to simulate one, or `colony drive`"),
+    (("--map", MAP, "--connect"), "--connect is an option of `colony drive`"),
+    (("--shadow",), "--shadow is an option of `colony shadow`"),
+    (("--conect",), "No such option '--conect'"),
     (("--map", MAP, "--fsync"), "--fsync requires --processes"),
-    (("--map", MAP, "--isolate"), "--isolate requires --processes or --connect"),
     (("--map", MAP, "--camera", "90"), "--camera requires --processes"),
     (("--map", MAP, "--processes", "--camera", "left=down"), "found `left=down`"),
     (("--map", MAP, "--processes", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
     (("--map", MAP, "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
-    (("--connect", "tls/x:7447"), "requires --security"),
-    (("--connect", "tcp/x:7447", "--security", "f"), "is unencrypted"),
-    (("--map", MAP, "--security", "f"), "--security requires --connect"),
-    (("--map", MAP, "--processes", "--physics", "mujoco"), "--physics requires --map without --processes"),
-    (("--connect", "--physics", "kinematic"), "--physics requires --map without --processes"),
+    (("--map", MAP, "--processes", "--physics", "mujoco"), "--physics mujoco excludes --processes"),
     (
         ("--map", MAP, "--physics", "mujoco", "--from", "201", "--to", "216"),
         "--physics mujoco excludes --to",
     ),
     (("--map", MAP, "--physics", "bullet"), "'bullet' is not one of 'kinematic', 'mujoco'"),
-    (("--connect", "--realtime"), "--realtime is for a simulated run"),
+]
+DRIVE_OPTIONS: list[tuple[tuple[str, ...], str]] = [
+    (("--connect", "tls/x:7447"), "requires --security"),
+    (("--connect", "tcp/x:7447", "--security", "f"), "is unencrypted"),
+    (("--security", "f"), "--security requires --connect"),
+    (("--realtime",), "No such option '--realtime'"),
     (
-        ("--connect", "--robot", "nobody"),
+        ("--robot", "nobody"),
         "no process of `nobody` runs on this machine (running robots: none); "
         "start it with `colony serve all --robot nobody=rome --map MAP`",
     ),
 ]
 
 
-@pytest.mark.parametrize(("options", "expected"), BAD_OPTIONS, ids=[e for _, e in BAD_OPTIONS])
+@pytest.mark.parametrize(
+    ("command", "options", "expected"),
+    [*(("run", *row) for row in BAD_OPTIONS), *(("drive", *row) for row in DRIVE_OPTIONS)],
+)
 def test_options_that_make_no_sense(
-    colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], expected: str
+    colony: Colony,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    command: str,
+    options: tuple[str, ...],
+    expected: str,
 ) -> None:
     monkeypatch.setenv("COLONY_RUN_DIR", str(tmp_path / "r"))
-    assert expected in colony.one_line("run", WANDER, *options)
+    assert expected in colony.one_line(command, WANDER, *options)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.robots.simulated import SUPERVISOR
+from colony.cli.serve.processes import SUPERVISOR
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, Machine, Started, children_of, failed, lives
 from tests.waiting import until
@@ -42,13 +42,11 @@ def pressed(tmp_path: Path) -> Path:
 def arguments(behavior: Path) -> tuple[str, ...]:
     scenario = ("--scenario", str(behavior.with_name("shift.scenario")), "--set", "load=12 kg")
     return (
-        "run",
         str(behavior),
         "--duration",
         f"{DURATION_S:g}",
         "--record",
         "r.jsonl",
-        "--no-picture",
         *scenario,
     )
 
@@ -77,7 +75,7 @@ def test_a_run_by_processes_in_a_grid_plays_a_scenario_from_the_start_that_is_ch
     machine: Machine, pressed: Path
 ) -> None:
     where = ("--robot", AMR, "--map", "office", "--start", "5m, 0, 90")
-    run = machine.start(*arguments(pressed), *where, "--processes")
+    run = machine.start("run", *arguments(pressed), *where, "--processes", "--no-picture")
     until(lambda: run.ended() or machine.truth(), "the robot is simulated")
     truth = machine.truth()
     assert truth is not None, run.err
@@ -92,7 +90,7 @@ def test_a_run_by_processes_in_a_grid_plays_a_scenario_from_the_start_that_is_ch
 def test_a_run_waits_for_a_simulator_that_is_being_started(machine: Machine, pressed: Path) -> None:
     machine.directory.prepare()
     with machine.directory.claim(SUPERVISOR):
-        run = machine.start("run", str(pressed), "--robot", AMR, "--connect", "--set", "estop=true")
+        run = machine.start("drive", str(pressed), "--robot", AMR, "--set", "estop=true")
         until(lambda: failed(run) or f"waiting for the Simulator of {ROBOT}" in run.err, "it waits")
         assert run.interrupt() == 130
 
@@ -103,8 +101,8 @@ def test_a_served_robot_is_given_a_scenario_and_buttons_by_hand(
 ) -> None:
     served = machine.start("serve", "all", "--robot", AMR, "--map", MAP)
     until(lambda: failed(served) or SUPERVISOR in machine.directory.running(), "they are being started")
-    check(machine.run(*arguments(pressed), "--robot", AMR, "--connect"))
-    run = machine.start("run", str(pressed), "--robot", AMR, "--connect", "--set", "goal_number=7")
+    check(machine.run("drive", *arguments(pressed), "--robot", AMR))
+    run = machine.start("drive", str(pressed), "--robot", AMR, "--set", "goal_number=7")
     until(lambda: failed(run) or machine.moves(), "the robot drives")
     held = machine.start("sim", "hold", "Panel.estop=true", "--robot", ROBOT)
     until(lambda: held.ended() or "Ctrl-C ends it" in held.err, "the button is held")
@@ -146,7 +144,7 @@ def test_what_no_simulator_reads_is_refused(machine: Machine, colony: Colony, pr
     err = colony.refusal("sim", "hold", "Panel.estop=true", "--robot", ROBOT)
     assert f"no Simulator of `{ROBOT}` runs on this machine" in err
     machine.serve("Clock", "--robot", AMR)
-    run = colony("run", pressed, "--robot", AMR, "--connect", "--set", "estop=true")
+    run = colony("drive", pressed, "--robot", AMR, "--set", "estop=true")
     assert run.code == 2
     assert (
         run.err == f"colony: error: `estop` cannot be given: no Simulator of `{ROBOT}` runs on this machine\n"

@@ -17,7 +17,7 @@ from colony.dsl.load import load_file, load_text
 from colony.ir.program import Program
 from colony.verify.contracts.results import refutation
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.differential import Report
+from colony.verify.testing.differential import DifferentialReport
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
 
@@ -46,7 +46,7 @@ network { out = plan }
 """
 
 
-def last(of: Program, count: int, seed: int = 1, *, faults: bool = False) -> Report:
+def last(of: Program, count: int, seed: int = 1, *, faults: bool = False) -> DifferentialReport:
     *_, report = reports(of, count, seed, faults=faults)
     return report
 
@@ -57,16 +57,16 @@ def of() -> Program:
 
 
 @pytest.fixture(scope="module")
-def report(of: Program) -> Report:
+def report(of: Program) -> DifferentialReport:
     return last(of, 60)
 
 
-def test_modules_that_never_won_are_named(of: Program, report: Report) -> None:
+def test_modules_that_never_won_are_named(of: Program, report: DifferentialReport) -> None:
     *_, never = lines(of, report)
     assert never == "never won in any trace: never"
 
 
-def test_a_broken_contract_is_shown_with_its_shortest_trace(of: Program, report: Report) -> None:
+def test_a_broken_contract_is_shown_with_its_shortest_trace(of: Program, report: DifferentialReport) -> None:
     told = lines(of, report)
     (at,) = [i for i, line in enumerate(told) if line.startswith("REFUTED")]
     assert "no_forward_after_bump" in told[at]
@@ -79,7 +79,7 @@ def test_a_broken_contract_is_shown_with_its_shortest_trace(of: Program, report:
     ]
 
 
-def test_findings_are_errors_at_the_contract_with_a_trace(of: Program, report: Report) -> None:
+def test_findings_are_errors_at_the_contract_with_a_trace(of: Program, report: DifferentialReport) -> None:
     (found,) = findings(of, report, "b.colony")
     assert (found.code, found.span.text) == ("V010", "no_forward_after_bump")
     assert "drive by cruise" in found.message
@@ -92,7 +92,7 @@ def test_findings_are_errors_at_the_contract_with_a_trace(of: Program, report: R
     assert validation_errors(json.loads(log)) == []
 
 
-def test_a_breach_is_one_for_the_prover_too(of: Program, report: Report) -> None:
+def test_a_breach_is_one_for_the_prover_too(of: Program, report: DifferentialReport) -> None:
     (breach,) = report.breaches
     result = refutation(of, breach)
     interpreter = Interpreter(of)
@@ -101,7 +101,7 @@ def test_a_breach_is_one_for_the_prover_too(of: Program, report: Report) -> None
     assert result.trace.outcomes[-1].breaches == ("no_forward_after_bump",)
 
 
-def test_an_object_for_other_programs(of: Program, report: Report) -> None:
+def test_an_object_for_other_programs(of: Program, report: DifferentialReport) -> None:
     found = json.loads(json.dumps(row(of, report)))
     assert found["drawn"] == found["asked"] == 60
     assert found["frames"] == report.frames

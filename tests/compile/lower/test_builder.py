@@ -7,7 +7,7 @@ import math
 import pytest
 
 from colony.compile.guards import ActuatorClients, Client, ClientList, ModuleActive, Not
-from colony.compile.lower.builder import Builder
+from colony.compile.lower.builder import CodeBuilder
 from colony.compile.passes.simplify import simplify
 from colony.execute.code import Apply, FrameTime, Kind, Literal, SensorElement, SensorFresh
 from colony.execute.operators import FUNCTIONS, Operator
@@ -48,7 +48,7 @@ def arguments(operator: Operator) -> list[float | int | bool]:
     return values[:1] if operator in ONE else values
 
 
-def literal(builder: Builder, operator: Operator, value: float | int | bool) -> int:
+def literal(builder: CodeBuilder, operator: Operator, value: float | int | bool) -> int:
     return builder.time(int(value)) if operator in OF_TIMES else builder.literal(value)
 
 
@@ -57,7 +57,7 @@ PLAIN = [operator for operator in Operator if operator not in PICKING and operat
 
 @pytest.mark.parametrize("operator", PLAIN, ids=lambda o: o.value)
 def test_constants_are_folded(operator: Operator) -> None:
-    builder, values = Builder(), arguments(operator)
+    builder, values = CodeBuilder(), arguments(operator)
     at = builder.apply(operator, *(literal(builder, operator, value) for value in values))
     expected = FUNCTIONS[operator](*values)
     op = builder.ops[at]
@@ -67,7 +67,7 @@ def test_constants_are_folded(operator: Operator) -> None:
 
 @pytest.mark.parametrize("operator", PLAIN, ids=lambda o: o.value)
 def test_what_is_not_constant_is_computed(operator: Operator) -> None:
-    builder = Builder()
+    builder = CodeBuilder()
     x = builder.add(FrameTime(), Kind.TIME)
     for place in range(len(arguments(operator))):
         operands = [literal(builder, operator, value) for value in arguments(operator)]
@@ -79,7 +79,7 @@ def test_what_is_not_constant_is_computed(operator: Operator) -> None:
 
 
 def test_picking_is_of_the_kind_of_the_table() -> None:
-    builder = Builder()
+    builder = CodeBuilder()
     index = builder.add(SensorElement("x", 0), Kind.NUMBER)
     for operator, value, kind in (
         (Operator.PICK_NUMBER, 1.0, Kind.NUMBER),
@@ -91,7 +91,7 @@ def test_picking_is_of_the_kind_of_the_table() -> None:
 
 
 def test_constants_that_differ_are_not_one() -> None:
-    builder = Builder()
+    builder = CodeBuilder()
     made = [builder.literal(0.0), builder.literal(-0.0), builder.literal(False), builder.time(0)]
     made += [builder.literal(1.0), builder.literal(True), builder.time(1)]
     assert len(set(made)) == len(made) == len(builder.ops)
@@ -102,7 +102,7 @@ def test_constants_that_differ_are_not_one() -> None:
 
 
 def test_choices() -> None:
-    builder = Builder()
+    builder = CodeBuilder()
     b = builder.add(SensorElement("b", 0), Kind.BOOL)
     x, y = (builder.add(SensorElement(name, 0), Kind.NUMBER) for name in "xy")
     yes, no = builder.literal(True), builder.literal(False)
@@ -117,7 +117,7 @@ def test_choices() -> None:
 
 
 def test_conjunctions_and_disjunctions() -> None:
-    builder = Builder()
+    builder = CodeBuilder()
     a, b = (builder.add(SensorFresh(name), Kind.BOOL) for name in "ab")
     yes, no = builder.literal(True), builder.literal(False)
     assert (builder.both(), builder.either()) == (yes, no)
@@ -132,7 +132,7 @@ def test_conjunctions_and_disjunctions() -> None:
 
 
 def test_negations() -> None:
-    builder = Builder()
+    builder = CodeBuilder()
     a = builder.add(SensorFresh("a"), Kind.BOOL)
     not_a = builder.negation(a)
     assert builder.ops[not_a] == Apply(Operator.NOT, (a,))
@@ -143,14 +143,14 @@ def test_negations() -> None:
 
 
 def test_what_is_true() -> None:
-    builder = Builder()
+    builder = CodeBuilder()
     a = builder.add(SensorFresh("a"), Kind.BOOL)
     values = (builder.literal(True), builder.literal(False), a, builder.literal(1.0), builder.time(1))
     assert [builder.is_true(value) for value in values] == [True, False, False, False, False]
 
 
 def test_a_cell_is_made_once_and_takes_nothing_until_it_is_said_what() -> None:
-    builder = Builder()
+    builder = CodeBuilder()
     old, other = builder.cell("a", Kind.NUMBER, 2.5), builder.cell("b", Kind.TIME, 7)
     assert builder.cell("a", Kind.NUMBER, 9.0) == old != other
     a, b = builder.cells()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from colony.compile.guards import Always, And, ClientList, Guard, ModuleActive, Never, Not, Or
-from colony.compile.lower.builder import Builder
+from colony.compile.lower.builder import CodeBuilder
 from colony.compile.lower.memory import GuardLowering
 from colony.execute.code import Apply, Kind, Literal, PythonActive
 from colony.execute.operators import Operator
@@ -13,7 +13,7 @@ class Lowered:
     """Guards over modules whose activity comes from outside; `asked` are those that were asked for."""
 
     def __init__(self, *table: Guard) -> None:
-        self.builder = Builder()
+        self.builder = CodeBuilder()
         self.asked: list[str] = []
         self.guards = GuardLowering(self.builder, ClientList(guards=table, actuators=()), self._active)
 

@@ -24,7 +24,18 @@ from colony.ir.expression import (
     SensorValue,
 )
 from colony.ir.frame import Frame
-from colony.ir.program import Actuator, ActuatorField, Command, Let, Module, Program, Robot, Sensor, Use, Wire
+from colony.ir.program import (
+    Actuator,
+    ActuatorField,
+    Let,
+    Module,
+    Program,
+    Robot,
+    Sensor,
+    TransferFunction,
+    Use,
+    Wire,
+)
 from colony.ir.types import BOOL, DIMENSIONLESS
 from tests.drawn.strategies import programs
 from tests.networks import chain, random_program
@@ -190,7 +201,7 @@ def _out(expression: Expression, lets: tuple[Let, ...] = (), local: tuple[Let, .
         name="m",
         lets=local,
         when=Constant(type=BOOL, value=True),
-        command=Command(actuator="out", fields=(expression,)),
+        command=TransferFunction(actuator="out", fields=(expression,)),
     )
     return Program(
         robot=Robot(name="r", sensors=(sensor,), actuators=(actuator,)),

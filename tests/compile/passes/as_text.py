@@ -19,7 +19,7 @@ from colony.compile.guards import (
     Or,
     Recently,
 )
-from colony.compile.network import Inhibitor, Link, ModuleLeaf, Network, SuppressionNetwork, Suppressor
+from colony.compile.network import Inhibitor, ModuleLeaf, Network, NodeUse, SuppressionNetwork, Suppressor
 from colony.text.wording import duration_text
 
 MS = 1_000_000
@@ -51,7 +51,7 @@ def of_suppression(network: SuppressionNetwork) -> str:
     """Return a suppressor a line, with the gates of its inputs and when they are active."""
     guards = GuardText(network.guards)
 
-    def link(one: Link) -> str:
+    def link(one: NodeUse) -> str:
         gate = f" if {gate}" if (gate := guards.text(one.gate)) != "always" else ""
         return f"{one.node}{gate} (active: {guards.text(one.active)})"
 

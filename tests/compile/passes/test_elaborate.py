@@ -7,7 +7,7 @@ import pytest
 from colony.compile.network import ModuleLeaf, Network
 from colony.compile.passes.elaborate import elaborate
 from colony.ir.expression import Binary, BinaryOperation, IsActive, WonBy
-from colony.ir.program import Contract, Example, Step, Use, Wire
+from colony.ir.program import Contract, Example, ExampleStep, Use, Wire
 from colony.ir.types import BOOL
 from tests.networks import chain
 from tests.wiring import program
@@ -31,7 +31,7 @@ def test_what_contracts_and_examples_name_is_observed() -> None:
 
     nested = BinaryOperation(type=BOOL, operator=Binary.IMPLIES, left=active("w"), right=active("b"))
     won = WonBy(type=BOOL, actuator="drive", module="a")
-    step = Step(times_ns=(0,), given=(), expectations=(won, active("b"), active("a")))
+    step = ExampleStep(times_ns=(0,), given=(), expectations=(won, active("b"), active("a")))
     observing = replace(
         program("w = a suppresses b\ndrive = w"),
         contracts=(Contract(name="c", expression=nested),),

@@ -5,9 +5,9 @@ from colony.compile.guards import Recently
 from colony.compile.network import (
     GatedSuppressor,
     Inhibitor,
-    Link,
     ModuleLeaf,
     Network,
+    NodeUse,
     SuppressionNetwork,
     Suppressor,
 )
@@ -22,7 +22,7 @@ def eliminated(text: str) -> SuppressionNetwork:
     return eliminate_inhibition(elaborate(program(text)))
 
 
-def root(network: SuppressionNetwork) -> Link:
+def root(network: SuppressionNetwork) -> NodeUse:
     return network.outputs[0][1]
 
 

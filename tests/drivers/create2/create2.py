@@ -8,7 +8,7 @@ from functools import cache
 from colony.drivers.create2.codec import (
     STREAM,
     CommandReader,
-    Frame,
+    StreamFrame,
     command,
     decoder,
     drive_direct,
@@ -16,7 +16,7 @@ from colony.drivers.create2.codec import (
     stream,
 )
 from colony.drivers.create2.create2 import Create2
-from colony.drivers.create2.firmware import Firmware, World
+from colony.drivers.create2.firmware import Create2Firmware, EmulatedWorld
 from colony.drivers.emulator import room
 from tests.drivers.fuzz import Case
 from tests.drivers.fuzz_device import Device
@@ -58,13 +58,13 @@ def _packet(rng: random.Random) -> bytes:
     for _ in range(rng.randrange(4)):
         at = rng.randrange(size - 1)
         data[at : at + 2] = bytes([0x13, rng.choice((COUNT, 7, 0x13))])
-    return encoded(Frame(STREAM, bytes(data)))
+    return encoded(StreamFrame(STREAM, bytes(data)))
 
 
 @cache
 def recording() -> list[bytes]:
     """Return the frames that an emulated robot sends on a way around a room."""
-    robot = Firmware(World(range=room(2000.0, 2000.0)))
+    robot = Create2Firmware(EmulatedWorld(range=room(2000.0, 2000.0)))
     robot.receive(command(128) + command(131) + stream(STREAM))
     sent: list[bytes] = []
     for i in range(6000):

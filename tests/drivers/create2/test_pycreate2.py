@@ -13,16 +13,16 @@ from collections.abc import Iterator
 
 import pytest
 
-from colony.drivers.create2.codec import PACKETS, Mode, size_of
-from colony.drivers.create2.firmware import COUNTS_PER_MM, Firmware, World
+from colony.drivers.create2.codec import PACKETS, OiMode, size_of
+from colony.drivers.create2.firmware import COUNTS_PER_MM, Create2Firmware, EmulatedWorld
 from colony.drivers.emulator import Emulator, room
 
 pycreate2 = pytest.importorskip("pycreate2")
 
 
 @pytest.fixture
-def emulator() -> Iterator[Emulator[Firmware]]:
-    emulator = Emulator(Firmware(World(range=room(4000.0, 2000.0))), baud=115_200)
+def emulator() -> Iterator[Emulator[Create2Firmware]]:
+    emulator = Emulator(Create2Firmware(EmulatedWorld(range=room(4000.0, 2000.0))), baud=115_200)
     emulator.start()
     yield emulator
     emulator.close()
@@ -39,7 +39,7 @@ def _until(condition: object, robot: object, seconds: float = 20.0) -> object:
 
 
 def test_it_drives_the_emulator_and_reads_its_sensors(
-    emulator: Emulator[Firmware], monkeypatch: pytest.MonkeyPatch
+    emulator: Emulator[Create2Firmware], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(pycreate2.Create2, "__del__", lambda self: None)  # it sleeps and sends when collected
     robot = pycreate2.Create2(emulator.port)
@@ -47,7 +47,7 @@ def test_it_drives_the_emulator_and_reads_its_sensors(
         robot.sleep_timer = 0.05
         robot.start()
         robot.safe()
-        sensors = _until(lambda found: found.open_interface_mode == Mode.SAFE, robot)
+        sensors = _until(lambda found: found.open_interface_mode == OiMode.SAFE, robot)
         assert (sensors.battery_capacity, sensors.temperature) == (2600, 25)  # type: ignore[attr-defined]
         assert sensors.voltage == 14_000 + sensors.battery_charge  # type: ignore[attr-defined]
         emulator.firmware.pose = (0.0, 0.0, -20.0)

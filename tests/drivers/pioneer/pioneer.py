@@ -8,7 +8,7 @@ from functools import cache
 
 from colony.drivers.emulator import STEP_S, room
 from colony.drivers.pioneer.codec import MAX_COUNT, command, decoder, encoded
-from colony.drivers.pioneer.firmware import Firmware
+from colony.drivers.pioneer.firmware import PioneerFirmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import Pioneer
 from tests.drivers.fuzz import Case
@@ -57,7 +57,7 @@ def _packet(rng: random.Random) -> bytes:
 @cache
 def recording() -> list[bytes]:
     """Return the packets that an emulated robot sends from its handshake on, on a way around a room."""
-    robot = Firmware(MODELS["p3dx-sh"], around=room(4000.0, 3000.0))
+    robot = PioneerFirmware(MODELS["p3dx-sh"], around=room(4000.0, 3000.0))
     for packet in (
         *map(command, (0, 1, 2, 1)),
         command(4, 1),

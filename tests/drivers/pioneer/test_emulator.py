@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from colony.drivers.emulator import Emulator, room
-from colony.drivers.pioneer.codec import Command, command, decoder
-from colony.drivers.pioneer.firmware import Firmware
+from colony.drivers.pioneer.codec import CommandNumber, command, decoder
+from colony.drivers.pioneer.firmware import PioneerFirmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import base
 from tests.waiting import killed_in_the_end, until
@@ -34,7 +34,7 @@ class Time:
 
 
 @contextmanager
-def line(emulator: Emulator[Firmware]) -> Iterator[int]:
+def line(emulator: Emulator[PioneerFirmware]) -> Iterator[int]:
     """Open the other end."""
     end = os.open(emulator.port, os.O_RDWR | os.O_NONBLOCK | os.O_NOCTTY)
     tty.setraw(end)
@@ -54,7 +54,7 @@ def heard(end: int) -> bytes:
 
 def test_an_answer_takes_the_time_of_its_bytes_both_ways() -> None:
     now = Time()
-    emulator = Emulator(Firmware(P3DX), baud=1200, clock=now)  # 120 bytes a second
+    emulator = Emulator(PioneerFirmware(P3DX), baud=1200, clock=now)  # 120 bytes a second
     with line(emulator) as end:
         os.write(end, command(0) * 6)  # 36 bytes: 0.3 s
         arrived = []
@@ -70,8 +70,8 @@ def test_an_answer_takes_the_time_of_its_bytes_both_ways() -> None:
 @pytest.mark.parametrize(("baud", "least", "most"), [(9600, 18, 21), (1200, 2, 8)])
 def test_a_slow_line_loses_packets_and_no_bytes_of_packets(baud: int, least: int, most: int) -> None:
     now = Time()
-    emulator = Emulator(Firmware(P3DX, around=room(4000.0, 6000.0)), baud=baud, clock=now)
-    for packet in (*map(command, (0, 1, 2, Command.OPEN)), command(Command.SONAR, 1)):
+    emulator = Emulator(PioneerFirmware(P3DX, around=room(4000.0, 6000.0)), baud=baud, clock=now)
+    for packet in (*map(command, (0, 1, 2, CommandNumber.OPEN)), command(CommandNumber.SONAR, 1)):
         emulator.firmware.receive(packet)
     emulator.firmware.sent()
     with line(emulator) as end:
@@ -88,7 +88,7 @@ def test_a_slow_line_loses_packets_and_no_bytes_of_packets(baud: int, least: int
 
 def test_what_is_on_the_line_is_lost_with_the_cable_and_the_robot_goes_on(tmp_path: Path) -> None:
     now = Time()
-    emulator = Emulator(Firmware(P3DX), baud=1200, clock=now, link=tmp_path / "port")
+    emulator = Emulator(PioneerFirmware(P3DX), baud=1200, clock=now, link=tmp_path / "port")
 
     def passes(seconds: float) -> None:
         for _ in range(round(seconds / 0.01)):
@@ -132,7 +132,7 @@ def test_the_command_pulls_its_cable_at_signals(tmp_path: Path) -> None:
 
 def test_the_driver_drives_it_and_the_guard_stops_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLONY_RUN_DIR", str(tmp_path))
-    robot = Firmware(P3DX)
+    robot = PioneerFirmware(P3DX)
     with closing(Emulator(robot, baud=38400)) as emulator:
         emulator.start()
         with closing(base(emulator.port, frame_ns=50_000_000, baud=38400, acceleration=2000.0)) as driver:

@@ -11,8 +11,8 @@ import pytest
 from colony.drivers.dialect import ImplausibleError, OpeningError
 from colony.drivers.emulator import room
 from colony.drivers.pioneer import pioneer
-from colony.drivers.pioneer.codec import Command, argument_of, command, decoder
-from colony.drivers.pioneer.firmware import Firmware
+from colony.drivers.pioneer.codec import CommandNumber, argument_of, command, decoder
+from colony.drivers.pioneer.firmware import PioneerFirmware
 from colony.drivers.pioneer.parameters import MODELS
 from colony.drivers.pioneer.pioneer import Pioneer
 from tests.drivers.bench import Bench
@@ -21,7 +21,9 @@ from tests.drivers.bench import Bench
 class Line(Bench[bytes]):
     """The dialect and an emulated robot on one line. Mutable."""
 
-    def __init__(self, dialect: Pioneer, robot: Firmware, *, hears: Callable[[bytes], bool] = bool) -> None:
+    def __init__(
+        self, dialect: Pioneer, robot: PioneerFirmware, *, hears: Callable[[bytes], bool] = bool
+    ) -> None:
         self.dialect, self.robot = dialect, robot
         super().__init__(dialect, robot, hears=hears)
 
@@ -33,7 +35,7 @@ class Line(Bench[bytes]):
 
 def line_of(**options: int | str | None) -> Line:
     row = MODELS[str(options.get("model", "p3dx-sh"))]
-    return Line(Pioneer(**options), Firmware(row, around=room(4000.0, 6000.0)))  # type: ignore[arg-type]
+    return Line(Pioneer(**options), PioneerFirmware(row, around=room(4000.0, 6000.0)))  # type: ignore[arg-type]
 
 
 def opened(**options: int | str | None) -> Line:
@@ -54,7 +56,7 @@ def test_settings_that_are_lost_are_sent_again() -> None:
     send, lost = line.robot.receive, list[bytes]()
 
     def loses_the_first_settings(data: bytes) -> None:
-        if not lost and command(Command.ENABLE, 1) in data:
+        if not lost and command(CommandNumber.ENABLE, 1) in data:
             lost.append(data)
         else:
             send(data)
@@ -75,30 +77,37 @@ def test_a_pressed_stop_button_is_no_reason_to_wait() -> None:
 
 def _in_session(line: Line) -> Line:
     """Drive the robot by another program, which has gone."""
-    for packet in (0, 1, 2, Command.OPEN):
+    for packet in (0, 1, 2, CommandNumber.OPEN):
         line.robot.receive(command(packet))
-    line.robot.receive(command(Command.ENABLE, 1) + command(Command.VEL, 200))
+    line.robot.receive(command(CommandNumber.ENABLE, 1) + command(CommandNumber.VEL, 200))
     return line
 
 
 def test_an_older_session_goes_on_and_stands() -> None:
     line = _in_session(line_of())
     line.open(4.0)
-    stop = [Command.ESTOP, Command.VEL, Command.RVEL]
-    assert [data[0] for data in line.packets[:6]] == [*stop, Command.CONFIG, Command.ENABLE, Command.SONAR]
+    stop = [CommandNumber.ESTOP, CommandNumber.VEL, CommandNumber.RVEL]
+    assert [data[0] for data in line.packets[:6]] == [
+        *stop,
+        CommandNumber.CONFIG,
+        CommandNumber.ENABLE,
+        CommandNumber.SONAR,
+    ]
     assert line.robot.set_points == (0.0, 0.0)
 
 
 def test_an_older_session_without_a_configuration_is_closed_first() -> None:
-    line = _in_session(Line(Pioneer(), Firmware(MODELS["p3dx-sh"]), hears=lambda data: data[0] != 0x20))
+    line = _in_session(
+        Line(Pioneer(), PioneerFirmware(MODELS["p3dx-sh"]), hears=lambda data: data[0] != 0x20)
+    )
     line.open(4.0)
-    assert [data[0] for data in line.packets[3:8]] == [Command.CONFIG, Command.CLOSE, 0, 1, 2]
+    assert [data[0] for data in line.packets[3:8]] == [CommandNumber.CONFIG, CommandNumber.CLOSE, 0, 1, 2]
     assert line.robot.set_points == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("in_session", [False, True])
 def test_another_model_is_refused_also_in_an_older_session(in_session: bool) -> None:
-    line = Line(Pioneer("p3at-sh"), Firmware(MODELS["p3dx-sh"]))
+    line = Line(Pioneer("p3at-sh"), PioneerFirmware(MODELS["p3dx-sh"]))
     line = _in_session(line) if in_session else line
     with pytest.raises(OpeningError, match="Emulated is a p3dx-sh, and the body says model = 'p3at-sh'"):
         line.open(4.0)
@@ -107,20 +116,20 @@ def test_another_model_is_refused_also_in_an_older_session(in_session: bool) -> 
 
 def test_a_configuration_that_never_arrives_is_done_without() -> None:
     """Some robots send it with a wrong checksum, always: it is as if there were none."""
-    line = Line(Pioneer(), Firmware(MODELS["p3dx-sh"]), hears=lambda data: data[0] != 0x20)
+    line = Line(Pioneer(), PioneerFirmware(MODELS["p3dx-sh"]), hears=lambda data: data[0] != 0x20)
     line.open(4.0)
     assert line.robot.motors
 
 
 def test_a_robot_without_a_watchdog_is_refused() -> None:
-    line = Line(Pioneer(), Firmware(MODELS["p3dx-sh"], watchdog_ms=0))
+    line = Line(Pioneer(), PioneerFirmware(MODELS["p3dx-sh"], watchdog_ms=0))
     with pytest.raises(OpeningError, match="watchdog is off"):
         line.open(4.0)
     assert not line.robot.motors
 
 
 def test_nobody_answers() -> None:
-    line = Line(Pioneer(), Firmware(MODELS["p3dx-sh"]), hears=lambda data: False)
+    line = Line(Pioneer(), PioneerFirmware(MODELS["p3dx-sh"]), hears=lambda data: False)
     with pytest.raises(OpeningError, match=r"no Pioneer answers.*baud rate 9600"):
         line.run(8.0)
 
@@ -135,7 +144,7 @@ def test_nothing_is_sent_while_no_frame_is_decided() -> None:
 
 @pytest.mark.parametrize("model", ["p3dx-sh", "p2dx", "pion1x"])
 def test_dead_reckoning_follows_the_robot(model: str) -> None:
-    line = Line(Pioneer(model), Firmware(MODELS[model]))
+    line = Line(Pioneer(model), PioneerFirmware(MODELS[model]))
     line.open(4.0)
     line.run(20.0, (300.0, 20.0))
     line.run(12.0, (300.0, 0.0))
@@ -151,7 +160,7 @@ def test_dead_reckoning_follows_the_robot(model: str) -> None:
 @pytest.mark.thorough
 def test_a_long_way_wraps_the_registers_again_and_again(model: str, speed: int) -> None:
     """Registers of 15 bits: 32.8 m of a p3dx-sh, 27.5 m of a p2dx."""
-    line = Line(Pioneer(model), Firmware(MODELS[model]))
+    line = Line(Pioneer(model), PioneerFirmware(MODELS[model]))
     line.open(4.0)
     line.run(75.0, (speed, 0.0))
     line.run(8.0, (0.0, 0.0))
@@ -164,7 +173,7 @@ def test_dead_reckoning_goes_on_after_the_line_begins_again() -> None:
     line.run(3.0, (300.0, 0.0))
     y = line.base.y
     line.dialect.restart()
-    line.robot.receive(command(Command.SETO))
+    line.robot.receive(command(CommandNumber.SETO))
     line.run(1.0, (300.0, 0.0))
     assert line.base.y == pytest.approx(y + 270.0, abs=40.0)
 
@@ -200,7 +209,7 @@ def test_the_stop_of_the_guard_brakes_hard_and_leaves_nothing_to_go_on_with() ->
     line.send(line.dialect.stop_bytes)
     line.run(0.2)
     assert line.robot.speed == 0.0
-    line.send(command(Command.PULSE))
+    line.send(command(CommandNumber.PULSE))
     line.run(1.0)
     assert line.robot.speed == 0.0
     line.run(2.0, (100.0, 0.0))
@@ -208,7 +217,7 @@ def test_the_stop_of_the_guard_brakes_hard_and_leaves_nothing_to_go_on_with() ->
 
 
 def test_set_bumper_reaches_the_robot_with_the_next_frame_and_is_repeated() -> None:
-    line = Line(Pioneer(front_bumpers=5, rear_bumpers=0), Firmware(MODELS["p3dx-sh"]))
+    line = Line(Pioneer(front_bumpers=5, rear_bumpers=0), PioneerFirmware(MODELS["p3dx-sh"]))
     line.open(4.0)
     assert line.robot.bump_stall == 0
     line.dialect.watch_bumpers(True)

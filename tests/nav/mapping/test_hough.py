@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from colony.nav.mapping.himm import Cells
-from colony.nav.mapping.local_map import HoughParameters, Line, lines_in
+from colony.nav.mapping.local_map import HoughParameters, WallLine, lines_in
 
 
 def cells_along(
@@ -75,4 +75,4 @@ def test_few_cells_are_no_line() -> None:
 
 
 def test_a_line_knows_its_length() -> None:
-    assert Line(0.0, 0.0, 1.0, -500.0, 700.0, 1.0).length_mm == 1_200.0
+    assert WallLine(0.0, 0.0, 1.0, -500.0, 700.0, 1.0).length_mm == 1_200.0

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from colony.nav.mapping.local_map import Line
+from colony.nav.mapping.local_map import WallLine
 from colony.nav.mapping.wall_matching import (
     WallCandidate,
     WallMatch,
@@ -36,11 +36,11 @@ def hallway(attributes: tuple[str, ...] = ("brick", "brick", "wood", "brick")) -
     )
 
 
-def line(angle_deg: float, distance_mm: float, begin: float = -1_500.0, end: float = 1_500.0) -> Line:
-    return Line(angle_deg, distance_mm, 300.0, begin, end, 30.0)
+def line(angle_deg: float, distance_mm: float, begin: float = -1_500.0, end: float = 1_500.0) -> WallLine:
+    return WallLine(angle_deg, distance_mm, 300.0, begin, end, 30.0)
 
 
-def match(seen: Line, walls: Reflectors | None = None) -> WallMatch | None:
+def match(seen: WallLine, walls: Reflectors | None = None) -> WallMatch | None:
     return match_wall(in_building_frame(seen, NORTH), hallway() if walls is None else walls, NORTH)
 
 

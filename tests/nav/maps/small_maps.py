@@ -13,9 +13,9 @@ from colony.nav.maps.stickrep.fields import LENGTH_UNITS
 from colony.nav.maps.stickrep.model import (
     Edge,
     EdgeKind,
-    Light,
     LightOffsets,
     Map,
+    MapLight,
     MapNode,
     Pose,
     Ring,
@@ -78,6 +78,6 @@ def _edge(draw: st.DrawFn, length: float) -> Edge:
         kind=draw(st.sampled_from(EdgeKind)),
         length_mm=length,
         counted=draw(st.booleans()),
-        lights=tuple(Light(offset_mm=offset) for offset in offsets),
+        lights=tuple(MapLight(offset_mm=offset) for offset in offsets),
         attribute=draw(attributes),
     )

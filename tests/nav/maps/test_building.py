@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.nav.maps.building import MAX_MAPS, Landing, Ride, load_building
+from colony.nav.maps.building import MAX_MAPS, Landing, LandingRide, load_building
 from colony.text.diagnostics import headline
 from tests.diagnostics import problems_of
 from tests.paths import MAPS
@@ -50,8 +50,8 @@ def test_floors_are_loaded_once_and_near_ones_first(tower: Path) -> None:
     building = load_building(tower / "1.stickrep")
     assert [m.name for m in building.maps] == ["one", "two", "three"]
     assert building.rides == (
-        Ride(Landing("one", "a.L"), Landing("two", "a.L")),
-        Ride(Landing("two", "b.L"), Landing("three", "a.L")),
+        LandingRide(Landing("one", "a.L"), Landing("two", "a.L")),
+        LandingRide(Landing("two", "b.L"), Landing("three", "a.L")),
     )
     top = load_building(tower / "up" / "3.stickrep")
     assert [m.name for m in top.maps] == ["three", "two", "one"]

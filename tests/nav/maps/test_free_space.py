@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from colony.nav.maps.free_space import FreeSpace, NoRoomError, Place
-from colony.nav.maps.grid.model import Cell
+from colony.nav.maps.grid.model import GridCell
 from colony.nav.maps.stickrep.geometry import corners, in_free_space
 from colony.nav.maps.stickrep.model import Map
 from colony.nav.maps.world_map import WorldMap, load_world, world_of_grid
@@ -84,7 +84,7 @@ def test_random_legs_are_free_and_can_be_reached(world: WorldMap) -> None:
             assert in_free_space(outlines, *end)
         else:
             column, row = np.floor(world.source.to_cells(np.array(end))).astype(int)
-            assert world.source.cells[row, column] == Cell.FREE
+            assert world.source.cells[row, column] == GridCell.FREE
         ends.add(end)
     assert len(ends) == 6
     assert max(math.dist(a, b) for a in ends for b in ends) > 3_000.0

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from colony.nav.maps.building import Building, load_building
-from colony.nav.missions.elevator_calls import ElevatorCall
-from colony.nav.missions.elevator_prompt import PollResult, elevator_prompt, instructions
+from colony.nav.missions.elevator_calls import ElevatorCall, PollResult, elevator_prompt, instructions
 from colony.nav.shared import ELEVATOR_CALL, FLOOR_REACHED
 from tests.kit.script_stage import RobotStage
 from tests.nav.floors import two_floors

@@ -16,7 +16,7 @@ from colony.nav.plan.plan import Plan
 from colony.nav.plan.planner import planner
 from colony.nav.plan.route import plan
 from colony.nav.shared import GoalKind
-from colony.robots.behavior import behavior_of
+from colony.runs.behavior import behavior_of
 from colony.runtime.kit.script import Script, do
 from colony.runtime.library import robot
 from colony.runtime.protocol.images import Shot
@@ -27,7 +27,7 @@ from colony.sim.hazards.scenery import Scenery
 from colony.sim.shots import CeilingShot, LevelShot
 from colony.sim.world.elevators import CABIN_DEPTH_MM, cabin_of
 from colony.sim.world.operator import operator
-from colony.sim.world.site import Site
+from colony.sim.world.site import SimulatedSite
 from colony.vision.lights.tracker import light_tracker
 from colony.vision.markers.finder import marker_finder
 from tests.experiment.loops import loop_of
@@ -53,7 +53,7 @@ class Ride:
         self.begun: list[GoalKind] = []
         self.deepest = 0.0
         self.in_doors: list[float] = []  # how far from their middle
-        self.site = Site(building, planned.floors, Hazards.none(), poses=[planned.start], seed=seed)
+        self.site = SimulatedSite(building, planned.floors, Hazards.none(), poses=[planned.start], seed=seed)
         self._cabins = {floor.name: cabin_of(floor, "liftL") for floor in building.maps}
         world = self.site.world
         above = self.site.ceiling

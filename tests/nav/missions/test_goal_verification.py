@@ -10,8 +10,8 @@ import pytest
 from colony.nav.maps.signs import plates_of
 from colony.nav.missions.goal_verification import (
     SAME_PLATE_MM,
+    GoalVerdict,
     ReportedPlate,
-    Verdict,
     plate_at,
     reported_plate,
     verdict_of,
@@ -29,18 +29,20 @@ def seen(text: str, off_mm: float = 0.0) -> ReportedPlate:
 @pytest.mark.parametrize(
     ("plates", "verdict"),
     [
-        ([], Verdict.UNSEEN),
-        ([seen("376")], Verdict.RIGHT),
-        ([seen("376", 800.0)], Verdict.RIGHT),
-        ([seen("376", SAME_PLATE_MM + 1.0)], Verdict.UNSEEN),
-        ([seen("374")], Verdict.WRONG),
-        ([seen("374", 900.0)], Verdict.UNSEEN),
-        ([seen("")], Verdict.UNSEEN),
-        ([seen("374"), seen("376")], Verdict.RIGHT),
-        ([seen("376", 100.0), seen("374", 2_000.0)], Verdict.RIGHT),
+        ([], GoalVerdict.UNSEEN),
+        ([seen("376")], GoalVerdict.RIGHT),
+        ([seen("376", 800.0)], GoalVerdict.RIGHT),
+        ([seen("376", SAME_PLATE_MM + 1.0)], GoalVerdict.UNSEEN),
+        ([seen("374")], GoalVerdict.WRONG),
+        ([seen("374", 900.0)], GoalVerdict.UNSEEN),
+        ([seen("")], GoalVerdict.UNSEEN),
+        ([seen("374"), seen("376")], GoalVerdict.RIGHT),
+        ([seen("376", 100.0), seen("374", 2_000.0)], GoalVerdict.RIGHT),
     ],
 )
-def test_the_plate_of_the_goal_near_its_place_is_right(plates: list[ReportedPlate], verdict: Verdict) -> None:
+def test_the_plate_of_the_goal_near_its_place_is_right(
+    plates: list[ReportedPlate], verdict: GoalVerdict
+) -> None:
     assert verdict_of(PLATE, plates) is verdict
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
-from colony.nav.missions.goal_verification import Verdict
+from colony.nav.missions.goal_verification import GoalVerdict
 from colony.nav.plan.plan import FloorPoint, Plan, Segment
 from colony.nav.plan.planner import (
     INTO_ELEVATOR_MM,
@@ -336,22 +336,22 @@ def arrived(seen: list[tuple[str, float]], ahead: float = 0.0, before_s: float =
 @pytest.mark.parametrize(
     ("seen", "verdict"),
     [
-        ([("12", -6100.0)], Verdict.RIGHT),
-        ([("14", -6100.0)], Verdict.WRONG),
-        ([("14", -6100.0), ("12", -5900.0), ("16", -3000.0)], Verdict.RIGHT),
-        ([("16", -3000.0)], Verdict.UNSEEN),
-        ([], Verdict.UNSEEN),
+        ([("12", -6100.0)], GoalVerdict.RIGHT),
+        ([("14", -6100.0)], GoalVerdict.WRONG),
+        ([("14", -6100.0), ("12", -5900.0), ("16", -3000.0)], GoalVerdict.RIGHT),
+        ([("16", -3000.0)], GoalVerdict.UNSEEN),
+        ([], GoalVerdict.UNSEEN),
     ],
 )
-def test_the_plate_at_the_goal_is_looked_for(seen: list[tuple[str, float]], verdict: Verdict) -> None:
+def test_the_plate_at_the_goal_is_looked_for(seen: list[tuple[str, float]], verdict: GoalVerdict) -> None:
     stage = arrived(seen)
     assert stage.variable(GOAL_VERIFIED) == verdict
     assert stage.variable(GOAL_TYPE) == GoalKind.NONE
 
 
-@pytest.mark.parametrize(("before_s", "verdict"), [(2.0, Verdict.RIGHT), (60.0, Verdict.UNSEEN)])
+@pytest.mark.parametrize(("before_s", "verdict"), [(2.0, GoalVerdict.RIGHT), (60.0, GoalVerdict.UNSEEN)])
 def test_a_plate_may_be_read_before_the_last_segment_but_not_long_before(
-    before_s: float, verdict: Verdict
+    before_s: float, verdict: GoalVerdict
 ) -> None:
     """The last segment may be 20 mm long, and the plate was in view all the time before."""
     assert arrived([("12", -6100.0)], before_s=before_s).variable(GOAL_VERIFIED) == verdict

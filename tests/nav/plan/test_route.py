@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import pytest
 
-from colony.nav.maps.building import Building, Landing, Ride, load_building
+from colony.nav.maps.building import Building, Landing, LandingRide, load_building
 from colony.nav.maps.corridors import corridors_of
 from colony.nav.maps.stickrep.geometry import corners, in_free_space
 from colony.nav.maps.stickrep.model import EdgeKind, Map, Ring
@@ -168,7 +168,7 @@ def test_from_an_elevator_one_rides_at_once() -> None:
 def test_an_elevator_that_is_told_from_floor_to_floor_is_ridden_in_one_go() -> None:
     loop, node = floor("loop"), "liftL"
     floors = tuple(replace(loop, name=name, floor=name) for name in "1234")
-    rides = tuple(Ride(Landing(one, node), Landing(other, node)) for one, other in pairwise("1234"))
+    rides = tuple(LandingRide(Landing(one, node), Landing(other, node)) for one, other in pairwise("1234"))
     assert any(n.name == node for ring in loop.rings for n in ring.nodes)
     found = plan(Building(maps=floors, rides=rides), "201L", "4:205L")
     assert found.modes.count("v") == 1
@@ -203,7 +203,7 @@ def test_a_floor_may_have_the_name_of_another_map() -> None:
     renamed = Building(
         maps=tuple(replace(floor, name=names[floor.name]) for floor in (three, two)),
         rides=tuple(
-            Ride(
+            LandingRide(
                 *(
                     position_after_ride._replace(map=names[position_after_ride.map])
                     for position_after_ride in ride

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from colony.nav.maps.corridors import corridors_of, turning_spaces_of
 from colony.nav.maps.stickrep.geometry import corners, direction
-from colony.nav.maps.stickrep.model import Edge, EdgeKind, Light, Map, MapNode, Pose, Ring
+from colony.nav.maps.stickrep.model import Edge, EdgeKind, Map, MapLight, MapNode, Pose, Ring
 from colony.nav.maps.stickrep.reader import load_map, read_map, write_map
 from colony.nav.maps.walls import lights_of
 from colony.nav.plan.plan import LIGHT_AHEAD_MM, Plan, Segment
@@ -74,10 +74,10 @@ class Grid:
             return [self.door, -ALCOVE_MM, DOOR_MM, -ALCOVE_MM, rest]
         return [self.door, DOOR_MM, rest]
 
-    def _lights(self, length: float) -> tuple[Light, ...]:
+    def _lights(self, length: float) -> tuple[MapLight, ...]:
         count = 1 + math.ceil((length - 2 * self.light) / self.apart)
         gap = (length - 2 * self.light) / (count - 1)
-        return tuple(Light(offset_mm=self.light + k * gap) for k in range(count))
+        return tuple(MapLight(offset_mm=self.light + k * gap) for k in range(count))
 
     def places(self) -> dict[str, tuple[str, float, float]]:
         """Of each door's left jamb, how its corridor leads and where in its middle it is."""
@@ -97,7 +97,7 @@ def _middles(strips: Sequence[float]) -> list[float]:
 
 
 def _ring(
-    name: str, start: Pose, left: int, walls: list[list[float]], lights: dict[int, tuple[Light, ...]]
+    name: str, start: Pose, left: int, walls: list[list[float]], lights: dict[int, tuple[MapLight, ...]]
 ) -> Ring:
     """A ring that turns left (1) or right (-1) after each of its walls; `lights` of walls in one piece."""
     nodes, edges = [], []

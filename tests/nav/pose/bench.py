@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import Walls
 from colony.runtime.arbitration.motion import OdometerPose
+from colony.runtime.assembly.loop import LocalServer
 from colony.runtime.kit.script import Script
-from colony.runtime.kit.script_local import LocalServer
 from colony.runtime.library.proximity import SonarReading
 from colony.runtime.library.robot import PoseArguments
 from colony.runtime.protocol.calls import CallId

@@ -17,8 +17,8 @@ import pytest
 from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import Walls, walls_of
 from colony.nav.pose.estimate import pose_estimator
-from colony.nav.pose.pose import Fix, Row, fix_list, pose_of
-from colony.nav.pose.tracker import Source
+from colony.nav.pose.pose import Fix, MeasurementRow, fix_list, pose_of
+from colony.nav.pose.tracker import PoseSource
 from colony.nav.shared import LIGHT_FIX, MARKER_FIX, PLATE_FIX, GoalKind
 from colony.runtime.kit.errors import (
     CallRefusedError,
@@ -328,17 +328,17 @@ class Witness(Bench):
             t_ns, x, heading = self._poses[-1 - self._late]
             place, tilt = self._errors.normal(0.0, [self._sigma_mm, math.radians(0.5)]).tolist()
             rows = (
-                Row(1.0, 0.0, 0.0, x + place, self._sigma_mm),
-                Row(0.0, 0.0, 1.0, math.radians(heading) + tilt, math.radians(0.5)),
+                MeasurementRow(1.0, 0.0, 0.0, x + place, self._sigma_mm),
+                MeasurementRow(0.0, 0.0, 1.0, math.radians(heading) + tilt, math.radians(0.5)),
             )
             self.tell(self._name, fix_list(Fix(t_ns, rows)))
 
 
 @pytest.mark.parametrize(
     ("source", "name"),
-    [(Source.LIGHTS, LIGHT_FIX), (Source.PLATES, PLATE_FIX), (Source.MARKERS, MARKER_FIX)],
+    [(PoseSource.LIGHTS, LIGHT_FIX), (PoseSource.PLATES, PLATE_FIX), (PoseSource.MARKERS, MARKER_FIX)],
 )
-def test_landmarks_alone_hold_the_place_along_the_corridor(source: Source, name: str) -> None:
+def test_landmarks_alone_hold_the_place_along_the_corridor(source: PoseSource, name: str) -> None:
     world = World(walls=WALLS.segments, poses=[EASTWARD], config=replace(ROME, wheel_scale=0.0105), seed=3)
     script = pose_estimator({"here": WALLS}, sources=frozenset({source}))
     log = drive(Witness(world, script, name=name), [(24_000.0, SOUTH)])
@@ -348,7 +348,7 @@ def test_landmarks_alone_hold_the_place_along_the_corridor(source: Source, name:
 
 def test_a_source_that_is_left_out_is_not_heard() -> None:
     world = World(walls=WALLS.segments, poses=[EASTWARD], config=ROUGH, seed=0)
-    script = pose_estimator({"here": WALLS}, sources=frozenset({Source.PLATES}))
+    script = pose_estimator({"here": WALLS}, sources=frozenset({PoseSource.PLATES}))
     robot = Witness(world, script)
     drive(robot, [(12_000.0, SOUTH)])
     assert robot.adjusted == 0
@@ -357,7 +357,7 @@ def test_a_source_that_is_left_out_is_not_heard() -> None:
 
 def test_without_scans_local_maps_hold_the_heading_and_the_offset() -> None:
     world = World(walls=WALLS.segments, poses=[EASTWARD], seed=0)
-    script = pose_estimator({"here": WALLS}, sources=frozenset({Source.LOCAL_MAPS}))
+    script = pose_estimator({"here": WALLS}, sources=frozenset({PoseSource.LOCAL_MAPS}))
     log = drive(Bench(world, script), [(24_000.0, SOUTH)])
     assert np.percentile(log.heading, 95) < 4.0
     assert np.percentile(log.y, 95) < 120.0
@@ -420,7 +420,7 @@ def test_in_an_elevator_the_sonars_say_nothing_of_the_map() -> None:
 
 def told_twice(fixes: list[object]) -> tuple[float, float]:
     """Return the estimated x and y of a robot after these corrections."""
-    script = pose_estimator({"here": WALLS}, sources=frozenset({Source.LIGHTS}))
+    script = pose_estimator({"here": WALLS}, sources=frozenset({PoseSource.LIGHTS}))
     robot = Stepped(script)
     for k, fix in enumerate([[], *fixes], 1):
         robot.variables[LIGHT_FIX] = fix

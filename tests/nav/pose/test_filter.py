@@ -11,7 +11,7 @@ from colony.nav.maps.stickrep.reader import read_map
 from colony.nav.maps.walls import walls_of
 from colony.nav.pose.echoes import Floats, reflectors_of
 from colony.nav.pose.filter import JumpLimit, PoseFilter, Uncertainty
-from colony.nav.pose.pose import MotionSince, Row, Step
+from colony.nav.pose.pose import MeasurementRow, MotionSince, OdometryStep
 from colony.text.source import Source
 from tests.nav.maps.small_maps import ROOM
 from tests.nav.sonars import CHANNELS, RING
@@ -62,8 +62,8 @@ def test_a_scan_while_turning_says_less_of_the_heading() -> None:
 def test_moving_makes_it_less_sure_up_to_a_bound() -> None:
     pose_filter = PoseFilter(RING, TRUE, Uncertainty(max_mm=200.0))
     x, y, heading = pose_filter.state[:3]
-    assert pose_filter.move(Step(0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
-    pose_filter.move(Step(100.0, 20.0, 0.1))
+    assert pose_filter.move(OdometryStep(0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0)
+    pose_filter.move(OdometryStep(100.0, 20.0, 0.1))
     expected = (
         x - 100 * math.sin(heading) - 20 * math.cos(heading),
         y + 100 * math.cos(heading) - 20 * math.sin(heading),
@@ -71,7 +71,7 @@ def test_moving_makes_it_less_sure_up_to_a_bound() -> None:
     assert pose_filter.state[:2].tolist() == pytest.approx(expected)
     assert pose_filter.state[2] == pytest.approx(heading + 0.1)
     for _ in range(500):
-        pose_filter.move(Step(100.0, 0.0, 0.0))
+        pose_filter.move(OdometryStep(100.0, 0.0, 0.0))
     assert np.sqrt(np.diag(pose_filter.covariance)[:2]).max() == pytest.approx(200.0, rel=0.01)
     assert (np.linalg.eigvalsh(pose_filter.covariance) > -1e-9).all()
 
@@ -87,7 +87,7 @@ def test_the_drift_of_the_odometry_is_learned() -> None:
             y + step * math.cos(heading),
             pose[2] + math.degrees(drift * step),
         )
-        moved = pose_filter.move(Step(step, 0.0, 0.0))
+        moved = pose_filter.move(OdometryStep(step, 0.0, 0.0))
         pose_filter.observe_scan(MIRRORS, scan(pose))
     assert pose_filter.state[3] == pytest.approx(drift, rel=0.3)
     assert math.copysign(1.0, moved.turned_rad) == math.copysign(1.0, step)
@@ -154,13 +154,13 @@ BELIEVED = JumpLimit(500.0, 0.3)
 def drive(pose_filter: PoseFilter, travel_mm: float) -> None:
     """Go straight on, in steps of 50 mm."""
     for _ in range(round(travel_mm / 50.0)):
-        pose_filter.move(Step(50.0, 0.0, 0.0))
+        pose_filter.move(OdometryStep(50.0, 0.0, 0.0))
 
 
 def test_a_landmark_corrects_the_place_along_its_row_and_nothing_across_it() -> None:
     pose_filter = PoseFilter(RING, (1_000.0, 2_000.0, 0.0))
     before = pose_filter.covariance.copy()
-    assert pose_filter.observe(Row(0.0, 1.0, 0.0, 2_050.0, 20.0))
+    assert pose_filter.observe(MeasurementRow(0.0, 1.0, 0.0, 2_050.0, 20.0))
     part = before[1, 1] / (before[1, 1] + 400.0)
     assert pose_filter.state[1] == pytest.approx(2_000.0 + part * 50.0)
     assert pose_filter.covariance[1, 1] == pytest.approx(part * 400.0)
@@ -173,7 +173,7 @@ def test_a_heading_is_right_from_whatever_turn_it_is_counted(turns: int) -> None
     pose_filter = PoseFilter(RING, (0.0, 0.0, 359.0))
     value = math.radians(1.0) + turns * 2.0 * math.pi
     for _ in range(200):
-        assert pose_filter.observe(Row(0.0, 0.0, 1.0, value, math.radians(0.5)))
+        assert pose_filter.observe(MeasurementRow(0.0, 0.0, 1.0, value, math.radians(0.5)))
     assert math.degrees(pose_filter.state[2]) == pytest.approx(361.0, abs=0.1)
 
 
@@ -181,8 +181,8 @@ def test_what_was_seen_a_while_ago_holds_for_the_pose_of_then() -> None:
     """The robot went a meter to the north and half a meter to the west since."""
     now, then = PoseFilter(RING, (0.0, 0.0, 90.0)), PoseFilter(RING, (0.0, 0.0, 90.0))
     since = MotionSince(ahead_mm=500.0, left_mm=-1_000.0, turned_rad=math.radians(90.0), travel_mm=0.0)
-    assert now.observe(Row(0.0, 1.0, 0.0, 30.0, 20.0))
-    assert then.observe(Row(0.0, 1.0, 0.0, 30.0 - 1_000.0, 20.0), since)
+    assert now.observe(MeasurementRow(0.0, 1.0, 0.0, 30.0, 20.0))
+    assert then.observe(MeasurementRow(0.0, 1.0, 0.0, 30.0 - 1_000.0, 20.0), since)
     assert then.state[1] == pytest.approx(now.state[1], rel=0.5)
     # A heading that is off by a radian puts the place of then half a meter off: it goes with it.
     assert then.covariance[1, 2] < -1e-3
@@ -195,7 +195,7 @@ def test_the_scale_of_the_odometry_is_learned_from_landmarks() -> None:
     for _ in range(10):
         drive(pose_filter, 5_000.0)
         true += 5_000.0 * 0.985
-        assert pose_filter.observe(Row(0.0, 1.0, 0.0, true, 25.0))
+        assert pose_filter.observe(MeasurementRow(0.0, 1.0, 0.0, true, 25.0))
     assert pose_filter.state[4] == pytest.approx(-0.015, abs=0.002)
     drive(pose_filter, 5_000.0)
     assert pose_filter.state[1] == pytest.approx(true + 5_000.0 * 0.985, abs=15.0)
@@ -204,10 +204,10 @@ def test_the_scale_of_the_odometry_is_learned_from_landmarks() -> None:
 def test_a_landmark_that_surprises_tells_of_a_slip_and_teaches_nothing() -> None:
     pose_filter = PoseFilter(RING, (0.0, 0.0, 0.0))
     drive(pose_filter, 5_000.0)
-    assert pose_filter.observe(Row(0.0, 1.0, 0.0, 5_000.0, 25.0))
+    assert pose_filter.observe(MeasurementRow(0.0, 1.0, 0.0, 5_000.0, 25.0))
     scale = pose_filter.state[4]
     drive(pose_filter, 1_000.0)
-    assert pose_filter.observe(Row(0.0, 1.0, 0.0, 5_600.0, 25.0), limit=BELIEVED)
+    assert pose_filter.observe(MeasurementRow(0.0, 1.0, 0.0, 5_600.0, 25.0), limit=BELIEVED)
     assert pose_filter.state[1] == pytest.approx(5_600.0, abs=10.0)
     assert pose_filter.state[4] == scale
     assert pose_filter.covariance[1, 1] < 30.0**2
@@ -215,23 +215,25 @@ def test_a_landmark_that_surprises_tells_of_a_slip_and_teaches_nothing() -> None
 
 def test_a_heading_that_surprises_is_taken_over() -> None:
     pose_filter = PoseFilter(RING, (0.0, 0.0, 0.0))
-    pose_filter.observe(Row(0.0, 0.0, 1.0, 0.0, 0.005))
-    assert pose_filter.observe(Row(0.0, 0.0, 1.0, 0.2, 0.01), limit=BELIEVED)
+    pose_filter.observe(MeasurementRow(0.0, 0.0, 1.0, 0.0, 0.005))
+    assert pose_filter.observe(MeasurementRow(0.0, 0.0, 1.0, 0.2, 0.01), limit=BELIEVED)
     assert pose_filter.state[2] == pytest.approx(0.2, abs=0.005)
 
 
 @pytest.mark.parametrize(
     "row",
     [
-        Row(0.0, 1.0, 0.0, 900.0, 25.0),  # farther off than any slip
-        Row(0.0, 1.0, 0.0, 0.0, 0.0),
-        Row(0.0, 1.0, 0.0, 0.0, -1.0),
-        Row(0.0, 0.0, 0.0, 5.0, 1.0),
-        Row(0.0, 0.0, 1.0, 0.5, 0.01),
-        Row(0.0, 1.0, 10.0, 100.0, 25.0),  # a turn of the heading is 63 mm: is it off by 100 or by 37?
+        MeasurementRow(0.0, 1.0, 0.0, 900.0, 25.0),  # farther off than any slip
+        MeasurementRow(0.0, 1.0, 0.0, 0.0, 0.0),
+        MeasurementRow(0.0, 1.0, 0.0, 0.0, -1.0),
+        MeasurementRow(0.0, 0.0, 0.0, 5.0, 1.0),
+        MeasurementRow(0.0, 0.0, 1.0, 0.5, 0.01),
+        MeasurementRow(
+            0.0, 1.0, 10.0, 100.0, 25.0
+        ),  # a turn of the heading is 63 mm: is it off by 100 or by 37?
     ],
 )
-def test_what_is_not_believed_changes_nothing(row: Row) -> None:
+def test_what_is_not_believed_changes_nothing(row: MeasurementRow) -> None:
     pose_filter = PoseFilter(RING, (0.0, 0.0, 0.0))
     state, covariance = pose_filter.state.copy(), pose_filter.covariance.copy()
     assert not pose_filter.observe(row, limit=BELIEVED)
@@ -240,16 +242,21 @@ def test_what_is_not_believed_changes_nothing(row: Row) -> None:
 
 
 rows = st.builds(
-    Row, st.floats(-1, 1), st.floats(-1, 1), st.floats(-2e3, 2e3), st.floats(-1e4, 1e4), st.floats(0.1, 1e3)
+    MeasurementRow,
+    st.floats(-1, 1),
+    st.floats(-1, 1),
+    st.floats(-2e3, 2e3),
+    st.floats(-1e4, 1e4),
+    st.floats(0.1, 1e3),
 )
 
 
 @given(st.lists(rows, max_size=8))
-def test_the_covariance_stays_one_whatever_landmarks_tell(rows: list[Row]) -> None:
+def test_the_covariance_stays_one_whatever_landmarks_tell(rows: list[MeasurementRow]) -> None:
     pose_filter = PoseFilter(RING, (0.0, 0.0, 0.0))
     for row in rows:
         pose_filter.observe(row, limit=BELIEVED)
-        pose_filter.move(Step(50.0, 0.0, 0.02))
+        pose_filter.move(OdometryStep(50.0, 0.0, 0.02))
     assert np.isfinite(pose_filter.state).all()
     scale = np.sqrt(np.diag(pose_filter.covariance))
     assert (np.linalg.eigvalsh(pose_filter.covariance / np.outer(scale, scale)) > -1e-7).all()

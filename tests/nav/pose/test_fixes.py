@@ -6,13 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.pose.pose import Fix, Row, fix_list, fix_of
+from colony.nav.pose.pose import Fix, MeasurementRow, fix_list, fix_of
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 fixes = st.builds(
     Fix,
     st.integers(0, 2**62),
-    st.lists(st.builds(Row, numbers, numbers, numbers, numbers, numbers), max_size=4).map(tuple),
+    st.lists(st.builds(MeasurementRow, numbers, numbers, numbers, numbers, numbers), max_size=4).map(tuple),
 )
 
 

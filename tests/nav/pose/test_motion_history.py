@@ -8,14 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.nav.pose.pose import MAX_AGE_NS, NO_MOTION, MotionHistory, Step
+from colony.nav.pose.pose import MAX_AGE_NS, NO_MOTION, MotionHistory, OdometryStep
 
 steps = st.lists(
-    st.builds(Step, st.floats(-100, 100), st.floats(-20, 20), st.floats(-0.5, 0.5)), min_size=1, max_size=20
+    st.builds(OdometryStep, st.floats(-100, 100), st.floats(-20, 20), st.floats(-0.5, 0.5)),
+    min_size=1,
+    max_size=20,
 )
 
 
-def after(pose: tuple[float, float, float], step: Step) -> tuple[float, float, float]:
+def after(pose: tuple[float, float, float], step: OdometryStep) -> tuple[float, float, float]:
     """Where a robot is after a step, in the plane."""
     x, y, heading = pose
     sine, cosine = math.sin(heading), math.cos(heading)
@@ -27,7 +29,7 @@ def after(pose: tuple[float, float, float], step: Step) -> tuple[float, float, f
 
 
 @given(steps, st.integers(0, 19))
-def test_going_the_way_back_leads_to_where_the_robot_was(made: list[Step], back: int) -> None:
+def test_going_the_way_back_leads_to_where_the_robot_was(made: list[OdometryStep], back: int) -> None:
     history, poses = MotionHistory(), [(300.0, -200.0, 1.0)]
     history.restart(0)
     for k, step in enumerate(made, 1):
@@ -48,7 +50,7 @@ def test_going_the_way_back_leads_to_where_the_robot_was(made: list[Step], back:
 def test_between_two_steps_it_is_on_the_way() -> None:
     history = MotionHistory()
     history.restart(0)
-    history.add(100, Step(50.0, 0.0, 0.0))
+    history.add(100, OdometryStep(50.0, 0.0, 0.0))
     motion = history.motion_since(80)
     assert motion is not None
     assert motion == pytest.approx((10.0, 0.0, 0.0, 10.0))
@@ -60,5 +62,5 @@ def test_what_was_before_all_that_is_known_is_not_known_and_the_future_is_now() 
     assert history.motion_since(999) is None
     assert history.motion_since(1_000) == NO_MOTION
     assert history.motion_since(5_000) == NO_MOTION
-    history.add(MAX_AGE_NS + 2_000, Step(10.0, 0.0, 0.0))
+    history.add(MAX_AGE_NS + 2_000, OdometryStep(10.0, 0.0, 0.0))
     assert history.motion_since(1_000) is None

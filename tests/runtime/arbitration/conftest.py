@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.runtime.arbitration.arbiter import Arbiter
-from colony.runtime.arbitration.locks import LockQueue
+from colony.runtime.arbitration.outside import LockQueue
 from tests.runtime.arbitration.drive import arbiter
 
 

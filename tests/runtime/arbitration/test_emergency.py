@@ -14,7 +14,7 @@ from colony.runtime.kit.emergency import StopButton, StopReport
 from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import data, emergency
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import ServerFrame, Stopped, Tick
@@ -29,7 +29,7 @@ from tests.waiting import until
 # --- among all servers, in virtual time ------------------------------------------------------------
 
 
-def at(whole: VirtualSession, t_ns: int, server: str, ask: Ask[Any], number: int = 1) -> None:
+def at(whole: VirtualSession, t_ns: int, server: str, ask: CallRequest[Any], number: int = 1) -> None:
     call = call_of(ask, "ann/1", number)
     whole.transport.at(t_ns, lambda: whole.transport.inject(topics.calls(server), call))
 
@@ -142,7 +142,7 @@ def serving(machine: Machine, *servers: str) -> None:
 @pytest.mark.long
 def test_a_button_stops_all_and_tells_who_acknowledged(machine: Machine) -> None:
     serving(machine, "all")
-    run = machine.start("run", WANDER, "--connect", "--set", "DockedAt=0")
+    run = machine.start("drive", WANDER, "--set", "DockedAt=0")
     until(lambda: run.ended() or machine.moves(), "the robot drives")
     with machine.session() as session, StopButton(session) as button:
         pressed = button.press()

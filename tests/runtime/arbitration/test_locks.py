@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.arbitration.locks import LockQueue
+from colony.runtime.arbitration.outside import LockQueue
 from colony.runtime.protocol.calls import CallId, RefusedError
 from colony.runtime.protocol.connections import Caller
 from tests.kit.node_stage import S

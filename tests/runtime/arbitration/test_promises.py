@@ -13,10 +13,10 @@ import pytest
 
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency, robot
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import NoArguments
-from colony.runtime.protocol.messages import Call, Malformed, Send, Tick
+from colony.runtime.protocol.messages import Call, Malformed, SendMessage, Tick
 from tests.kit.base import CLIENTS, Stage, bid, silent, stage_in_run
 from tests.kit.calling import call_of
 from tests.kit.node_stage import FRAME_NS, MS
@@ -221,7 +221,7 @@ def test_what_is_wrong_is_said_to_whom_it_concerns() -> None:
     """A misspelled topic or field does nothing, without a word."""
     stage = Stage()
     stage.open("op/1")
-    unknown = stage.problem("op/1", Ask("drvie", NoArguments(), type(None), "command"))
+    unknown = stage.problem("op/1", CallRequest("drvie", NoArguments(), type(None), "command"))
     assert "no method `drvie`" in unknown.message
     assert "drive" in unknown.message
     stage.handle(Malformed(topic="RServer/call", connection="op/1", reason="found version 9"))
@@ -378,5 +378,5 @@ def test_verdicts_go_to_everybody_who_listens(stage: Stage) -> None:
     """Commands are not logged."""
     stage.tick()
     effects = [e for client, _ in CLIENTS for e in stage.node.handle(bid(client, bid="silent"), MS)]
-    (sent,) = [e for e in effects if isinstance(e, Send)]
+    (sent,) = [e for e in effects if isinstance(e, SendMessage)]
     assert (sent.topic, sent.message.k) == (topics.VERDICTS, 0)

@@ -13,9 +13,14 @@ from zlib import crc32
 import pytest
 
 from colony.files import open_descriptor
-from colony.runtime.arbitration import stop_file
-from colony.runtime.arbitration.stop_file import FILE_BYTES
-from colony.runtime.arbitration.stop_latch import MAX_AUTHOR_LENGTH, UNREADABLE, StopFollower, StopLatch
+from colony.runtime.arbitration import stop_latch
+from colony.runtime.arbitration.stop_latch import (
+    FILE_BYTES,
+    MAX_AUTHOR_LENGTH,
+    UNREADABLE,
+    StopFollower,
+    StopLatch,
+)
 from colony.runtime.protocol.messages import Stopped, Tick
 from tests.kit.node_stage import MS
 
@@ -341,7 +346,7 @@ def test_what_appears_where_the_file_is_to_be_made_is_not_written(
             _ = path.symlink_to(other) if is_link else path.write_bytes(b"another's")
         return open_descriptor(where, flags)
 
-    monkeypatch.setattr(stop_file, "open_descriptor", late)
+    monkeypatch.setattr(stop_latch, "open_descriptor", late)
     assert begun(path).trouble == f"{path}: {'it is not a regular file' if is_link else 'File exists'}"
     assert not other.exists()
     assert is_link or path.read_bytes() == b"another's"

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from colony.analysis.virtual_executor import VirtualExecutor
 from colony.compile.pipeline import compile_program
 from colony.execute.executor import ProgramExecutor
 from colony.ir.program import Program
-from colony.robots.virtual_executor import VirtualExecutor
 from colony.verify.testing.agreement import reference
 from colony.verify.testing.strategies import traces
 from tests.drawn.strategies import networks, programs

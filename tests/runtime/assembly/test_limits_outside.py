@@ -16,7 +16,7 @@ from colony.runtime.kit.script import Script as Generator
 from colony.runtime.kit.script import do, sleep
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.library import robot
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.messages import Sample
 from tests.analysis.test_audit import changed
 from tests.kit.node_stage import MS, S
@@ -50,7 +50,7 @@ class Run:
 
     def __init__(
         self,
-        *calls: tuple[float, Ask[Any]],
+        *calls: tuple[float, CallRequest[Any]],
         script: Script | None = None,
         program: Program = PROGRAM,
         prepare: Callable[[VirtualSession], None] = lambda one: None,
@@ -65,7 +65,7 @@ class Run:
         assert node.problem is None
         assert not [log.disagreements for log in self.log.frames if log.disagreements]
 
-    def _drive(self, calls: tuple[tuple[float, Ask[Any]], ...]) -> Generator:
+    def _drive(self, calls: tuple[tuple[float, CallRequest[Any]], ...]) -> Generator:
         for pause_s, call in calls:
             yield from sleep(pause_s)
             try:
@@ -84,7 +84,9 @@ class Run:
         return audit(self.program, self.log.frames)
 
 
-def joystick(velocity: float, turn: float = 0.0, seconds: float = 3.0) -> Iterator[tuple[float, Ask[Any]]]:
+def joystick(
+    velocity: float, turn: float = 0.0, seconds: float = 3.0
+) -> Iterator[tuple[float, CallRequest[Any]]]:
     for _ in range(round(seconds / 0.3)):
         yield 0.3, robot.drive(velocity, turn, lease=0.5)
 

@@ -16,8 +16,8 @@ from colony.runtime.assembly.limits import (
     limit_servers,
 )
 from colony.runtime.frames.clock import Clock
+from colony.runtime.kit.description import Reading, field
 from colony.runtime.kit.errors import RobotConnectionError
-from colony.runtime.kit.fields import Reading, field
 from colony.runtime.kit.script import Script as Generator
 from colony.runtime.kit.script import do, sleep
 from colony.runtime.kit.script_node import ScriptNode

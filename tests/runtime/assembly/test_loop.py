@@ -6,7 +6,7 @@ import pytest
 
 from colony.dsl.load import load_text
 from colony.ir.frame import Frame, Outcome
-from colony.robots.behavior import behavior_from
+from colony.runs.behavior import behavior_from
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
 from colony.sim.world.world import World

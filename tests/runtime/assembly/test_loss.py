@@ -10,16 +10,15 @@ from typing import Any, NamedTuple
 import pytest
 
 from colony.execute.executor import ClientKey, ClientMemory, ClientsExecutor
-from colony.runtime.arbitration.ballot import Interventions
-from colony.runtime.arbitration.frame_bounds import BoundedCommand, FrameBounds
+from colony.runtime.arbitration.ballot import BoundedCommand, FrameBounds, Interventions
 from colony.runtime.clients import client
-from colony.runtime.frames import liveness
+from colony.runtime.frames import registry
 from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler
 from colony.runtime.frames.publishing import Publisher
 from colony.runtime.protocol.messages import Effect, Tick
 from colony.runtime.servers.actuating import CommandedActuators
 from colony.runtime.servers.commanding import CommandDispatcher
-from colony.runtime.servers.outside_commands import OutsideCommands
+from colony.runtime.servers.outside_control import OutsideCommands
 from tests.found_seeds import find_seed
 from tests.sampling import long, sampled, thorough
 from tools.loss import actuators, actuators_stage, outside, outside_stage, policy
@@ -159,11 +158,11 @@ def memory_of_the_first_client_alone(patch: pytest.MonkeyPatch) -> None:
 def liveness_forgotten(patch: pytest.MonkeyPatch) -> None:
     """Whoever was missing once is missing for good."""
 
-    def renew(self: liveness.Liveness, name: str, now_ns: int) -> None:
+    def renew(self: registry.Liveness, name: str, now_ns: int) -> None:
         if name in self._heard and name not in self.missing(now_ns):
             self._heard[name] = now_ns
 
-    patch.setattr(liveness.Liveness, "renew", renew)
+    patch.setattr(registry.Liveness, "renew", renew)
 
 
 def limits_ignored(patch: pytest.MonkeyPatch) -> None:

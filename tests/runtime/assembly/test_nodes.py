@@ -9,7 +9,7 @@ import pytest
 
 from colony.compile.pipeline import compile_program
 from colony.execute.compiled import Compiled
-from colony.ir.program import Actuator, ActuatorField, Command, Module, PythonModule, Use, Wire
+from colony.ir.program import Actuator, ActuatorField, Module, PythonModule, TransferFunction, Use, Wire
 from colony.ir.types import DIMENSIONLESS
 from colony.runtime.assembly.nodes import build_announcer, build_clients, build_observer
 from colony.runtime.assembly.sharing import ClientProcess, announcer_process_name, client_processes
@@ -30,7 +30,7 @@ def with_light(on_loss: Literal["stop", "degrade"]) -> Compiled:
         idle=None,
         on_loss=on_loss,
     )
-    program, lit = roam(), Command(actuator="light", fields=(number(1.0),))
+    program, lit = roam(), TransferFunction(actuator="light", fields=(number(1.0),))
     return compile_program(
         replace(
             program,

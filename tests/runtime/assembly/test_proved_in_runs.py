@@ -8,7 +8,7 @@ from functools import partial
 
 import pytest
 
-from colony.runtime.arbitration.frame_bounds import BoundedCommand, FrameBounds
+from colony.runtime.arbitration.ballot import BoundedCommand, FrameBounds
 from tests.found_seeds import find_seed
 from tests.sampling import sampled
 from tools.loss import proved

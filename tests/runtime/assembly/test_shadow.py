@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from colony.analysis.audit import audit
-from colony.robots.shadow_run import LagReports
+from colony.cli.run.shadow_run import LagReports
 from colony.runtime.assembly.shadow import MIN_SILENCE_NS, MISSED_FRAMES
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol import topics

@@ -10,9 +10,9 @@ import pytest
 from mcap.reader import NonSeekingReader
 
 from colony.analysis.audit import audit_recording
-from colony.cli.audit_text import render as audit_text
+from colony.cli.audit import render as audit_text
 from colony.compile.pipeline import compile_program
-from colony.robots.recording import LiveRun
+from colony.runs.recording import LiveRun
 from colony.runtime.observe.summary import Tally, render
 from colony.runtime.recordings.lines import Recording
 from colony.runtime.recordings.mcap_writer import McapRecording

@@ -11,12 +11,12 @@ from colony.ir.program import (
     Actuator,
     ActuatorField,
     Chain,
-    Command,
     Module,
     Program,
     PythonModule,
     PythonReading,
     Sensor,
+    TransferFunction,
     Use,
     Wire,
 )
@@ -236,7 +236,7 @@ def counting() -> Program:
     return Program(
         robot=robot(count, goal, actuators=(say,)),
         modules=(
-            Module(name="counter", when=true, command=Command(actuator="say", fields=(more,))),
+            Module(name="counter", when=true, command=TransferFunction(actuator="say", fields=(more,))),
             Module(name="drive_to", when=over("goal", 0.0), command=go(100.0, 0.0)),
         ),
         wires=(

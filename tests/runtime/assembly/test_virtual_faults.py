@@ -10,7 +10,7 @@ import pytest
 
 from colony.analysis.audit import audit
 from colony.ir.expression import Binary, BinaryOperation, SensorValue, StateValue
-from colony.ir.given import MISSED
+from colony.ir.frame import MISSED
 from colony.ir.program import Chain, Module, Program, State, Use, Wire
 from colony.ir.types import BOOL
 from colony.runtime.protocol.messages import Malformed, Message, Ready, Request, Sample, ServerFrame, Tick

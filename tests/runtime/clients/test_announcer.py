@@ -4,9 +4,9 @@ for a new epoch."""
 from __future__ import annotations
 
 from colony.ir.frame import Answer, Frame
-from colony.runtime.clients.announcer import Announcer
+from colony.runtime.clients.client import Announcer
 from colony.runtime.frames.assembler import FrameAssembler
-from colony.runtime.protocol.messages import Announcement, Fetch, Ready, Restart, Send, Tick
+from colony.runtime.protocol.messages import Announcement, Fetch, Ready, Restart, SendMessage, Tick
 from tests.kit.node_stage import sent
 
 ADDRESS = "DServer/activity/pulse"
@@ -43,7 +43,7 @@ def told(k: int, active: bool) -> Announcement:
 
 def test_every_frame_is_told_once_also_those_that_it_is_late_for() -> None:
     node = announcer()
-    assert list(node.start(0)) == [Send("Clock/ready", Ready(client=ADDRESS, run="run"))]
+    assert list(node.start(0)) == [SendMessage("Clock/ready", Ready(client=ADDRESS, run="run"))]
     assert sent(node, tick(0), tick(0)) == [told(0, False)]
     assert sent(node, tick(2)) == [Fetch(server="Clock", k=1)]
     assert sent(node, tick(1)) == [told(1, False), told(2, True)]

@@ -11,8 +11,13 @@ from colony.compile.pipeline import compile_program
 from colony.execute.executor import ClientMemory
 from colony.ir.program import Program
 from colony.runtime.assembly.nodes import build_clients
-from colony.runtime.clients.client import RECALL_NS, ClientNode
-from colony.runtime.clients.memory import MemoryFormatError, decode_memory, encode_memory
+from colony.runtime.clients.client import (
+    RECALL_NS,
+    ClientNode,
+    MemoryFormatError,
+    decode_memory,
+    encode_memory,
+)
 from colony.runtime.frames.assembler import frames_to_keep
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.messages import (
@@ -23,7 +28,7 @@ from colony.runtime.protocol.messages import (
     Request,
     Restart,
     Sample,
-    Send,
+    SendMessage,
     SentMessage,
     ServerFrame,
     Tick,
@@ -73,7 +78,7 @@ def bids(messages: Iterable[SentMessage]) -> dict[int, str]:
 
 
 def test_one_request_a_frame(node: ClientNode) -> None:
-    assert list(node.start(0)) == [Send("Clock/ready", Ready(client=ADDRESS, run="run"))]
+    assert list(node.start(0)) == [SendMessage("Clock/ready", Ready(client=ADDRESS, run="run"))]
     got = bids(run(node, range(30)))
     assert got == {k: "command" if 3 <= k < 23 else "inactive" for k in range(30)}
 
@@ -303,7 +308,7 @@ def shared_saved() -> dict[tuple[str, int], Checkpoint]:
 
 def test_each_asks_and_lives_for_itself(both: ClientNode) -> None:
     assert both.address == SEEN
-    assert list(both.start(0)) == [Send("Clock/ready", Ready(client=c, run="run")) for c in BOTH]
+    assert list(both.start(0)) == [SendMessage("Clock/ready", Ready(client=c, run="run")) for c in BOTH]
     got = run(both, range(5))
     silent, active = ("inactive", "command"), ("command", "suppressed")
     assert shared_bids(got) == [
@@ -321,7 +326,7 @@ def test_each_asks_the_server_of_its_actuator() -> None:
         compile_program(program).compiled, bind(program.robot, ROME_SERVERS), clients, "run"
     )
     variables = ServerFrame(server="DServer", k=0, fields={"Goal": Sample(1.0, 0)})
-    sends = [e for m in (tick(0), variables) for e in node.handle(m, 0) if isinstance(e, Send)]
+    sends = [e for m in (tick(0), variables) for e in node.handle(m, 0) if isinstance(e, SendMessage)]
     asked = [(s.topic, s.message.client) for s in sends if isinstance(s.message, Request)]
     assert asked == [("DServer/requests", "counter"), ("RServer/requests", "drive_to")]
 

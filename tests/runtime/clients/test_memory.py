@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.execute.executor import ClientMemory
-from colony.runtime.clients.memory import MemoryFormatError, decode_memory, encode_memory
+from colony.runtime.clients.client import MemoryFormatError, decode_memory, encode_memory
 
 CELLS = st.dictionaries(
     st.text(max_size=10), st.floats() | st.booleans() | st.integers(-(2**63), 2**63 - 1), max_size=5

@@ -12,7 +12,7 @@ import pytest
 from colony.ir.frame import Answer, Frame
 from colony.runtime.frames.assembler import MAX_FETCHES_PER_TICK, Awaited, FrameAssembler, frames_to_keep
 from colony.runtime.protocol.bindings import SensorBinding
-from colony.runtime.protocol.messages import Fetch, Sample, Send, ServerFrame, Tick
+from colony.runtime.protocol.messages import Fetch, Sample, SendMessage, ServerFrame, Tick
 from tests.kit.node_stage import MS
 
 SONAR = SensorBinding(sensor="sonar", server="P", field="sonar", max_age_ns=300 * MS, factor=1.0)
@@ -80,7 +80,7 @@ def test_no_value_is_missing() -> None:
 def test_a_frame_not_delivered_is_no_missing_sensor_but_is_fetched() -> None:
     assembler = FrameAssembler((SONAR, BUMPER))
     assert frames(assembler, tick(0), base(0)) == []
-    assert assembler.take(tick(1)) == (Send("P/fetches", Fetch(server="P", k=0)),)
+    assert assembler.take(tick(1)) == (SendMessage("P/fetches", Fetch(server="P", k=0)),)
     assert frames(assembler, base(1), proximity(1)) == []
     assert [f.t_ns for f in frames(assembler, proximity(0))] == [0, 50 * MS]
 
@@ -88,7 +88,7 @@ def test_a_frame_not_delivered_is_no_missing_sensor_but_is_fetched() -> None:
 def test_a_tick_not_delivered_is_fetched() -> None:
     assembler = FrameAssembler((BUMPER,))
     assembler.take(base(0))
-    assert assembler.take(tick(1)) == (Send("Clock/fetches", Fetch(server="Clock", k=0)),)
+    assert assembler.take(tick(1)) == (SendMessage("Clock/fetches", Fetch(server="Clock", k=0)),)
 
 
 def test_only_the_newest_frame_is_current() -> None:
@@ -138,7 +138,7 @@ def test_a_new_epoch_forgets_what_is_before_it() -> None:
     assembler = FrameAssembler((BUMPER,))
     assembler.take(tick(0))
     assembler.take(base(4))  # came before its tick
-    assert assembler.take(tick(5, start=4)) == (Send("Clock/fetches", Fetch(server="Clock", k=4)),)
+    assert assembler.take(tick(5, start=4)) == (SendMessage("Clock/fetches", Fetch(server="Clock", k=4)),)
     out = []
     for message in (tick(4, start=4), base(5), tick(1), base(0)):
         assembler.take(message)
@@ -167,7 +167,7 @@ def test_an_epoch_that_begins_after_its_frame_is_none() -> None:
 
 def test_who_comes_late_steps_through_the_epoch_if_it_is_still_to_be_had(assembler: FrameAssembler) -> None:
     asked = assembler.take(tick(3))
-    assert [e.message.k for e in asked if isinstance(e, Send) and isinstance(e.message, Fetch)] == [
+    assert [e.message.k for e in asked if isinstance(e, SendMessage) and isinstance(e.message, Fetch)] == [
         *(0, 0, 1, 1, 2, 2)
     ]
     assert not assembler.lost
@@ -189,8 +189,8 @@ def test_with_memory_from_elsewhere_it_goes_on(assembler: FrameAssembler) -> Non
     assembler.take(tick(20))
     assert assembler.lost
     assert assembler.resume(18) == (
-        Send("Clock/fetches", Fetch(server="Clock", k=19)),
-        Send("R/fetches", Fetch(server="R", k=19)),
+        SendMessage("Clock/fetches", Fetch(server="Clock", k=19)),
+        SendMessage("R/fetches", Fetch(server="R", k=19)),
     )
     assert not assembler.lost
     out = frames(assembler, tick(19), base(20), base(19))
@@ -220,7 +220,7 @@ def test_the_activity_of_a_module_is_waited_for_whoever_is_down() -> None:
     assembler = FrameAssembler((), ("pulse",))
     assembler.take(tick(0))
     (asked,) = assembler.take(tick(1, down=("R",)))
-    assert asked == Send("DServer/fetches", Fetch(server=PULSE, k=0))
+    assert asked == SendMessage("DServer/fetches", Fetch(server=PULSE, k=0))
     assembler.take(tick(2, down=(PULSE,), void=((PULSE, 0), (PULSE, 1))))
     assert list(assembler.pop_complete()) == []
     for k in range(3):
@@ -319,7 +319,7 @@ def test_what_is_there_already_is_not_asked_for() -> None:
     assembler.take(tick(20))
     for k in (18, 19, 20):
         assembler.take(base(k))
-    assert assembler.resume(18) == (Send("Clock/fetches", Fetch(server="Clock", k=19)),)
+    assert assembler.resume(18) == (SendMessage("Clock/fetches", Fetch(server="Clock", k=19)),)
     assert len(frames(assembler, tick(19))) == 2
 
 
@@ -407,7 +407,7 @@ def test_only_what_is_missing_of_who_lives_is_asked_for() -> None:
         assembler = FrameAssembler((SONAR, BUMPER))
         for message in before:
             assembler.take(message)
-        return {e.message.server for e in assembler.take(tick(1, **more)) if isinstance(e, Send)}
+        return {e.message.server for e in assembler.take(tick(1, **more)) if isinstance(e, SendMessage)}
 
     assert asked(tick(0)) == {"P", "R"}
     assert asked(tick(0), proximity(0)) == {"R"}
@@ -422,7 +422,9 @@ def test_a_portion_begins_behind_the_one_before(monkeypatch: pytest.MonkeyPatch)
     assembler = FrameAssembler((BUMPER,), frames_kept=100)
     for latest, numbers in ((20, (0, 1, 2, 3)), (21, (4, 5, 6, 7))):
         requests = assembler.take(tick(latest))
-        assert requests[::2] == tuple(Send("Clock/fetches", Fetch(server="Clock", k=k)) for k in numbers)
+        assert requests[::2] == tuple(
+            SendMessage("Clock/fetches", Fetch(server="Clock", k=k)) for k in numbers
+        )
 
 
 def test_what_does_not_come_is_asked_for_again_after_twice_as_many_frames() -> None:
@@ -434,7 +436,7 @@ def test_what_does_not_come_is_asked_for_again_after_twice_as_many_frames() -> N
         if k != 3:
             assembler.take(base(k))
         list(assembler.pop_complete())
-        asked += [k for e in requests if e == Send("R/fetches", Fetch(server="R", k=3))]
+        asked += [k for e in requests if e == SendMessage("R/fetches", Fetch(server="R", k=3))]
     assert asked == [3 + age for age in (1, 2, 4, 8, 16)]
 
 
@@ -451,7 +453,7 @@ def test_what_did_not_come_is_asked_for_in_portions() -> None:
     asked = FrameAssembler((BUMPER,)).take(tick(MAX_FETCHES_PER_TICK))
     assert len(asked) == MAX_FETCHES_PER_TICK
     assert asked[:2] == (
-        Send("Clock/fetches", Fetch(server="Clock", k=0)),
-        Send("R/fetches", Fetch(server="R", k=0)),
+        SendMessage("Clock/fetches", Fetch(server="Clock", k=0)),
+        SendMessage("R/fetches", Fetch(server="R", k=0)),
     )
-    assert asked[-1] == Send("R/fetches", Fetch(server="R", k=MAX_FETCHES_PER_TICK // 2 - 1))
+    assert asked[-1] == SendMessage("R/fetches", Fetch(server="R", k=MAX_FETCHES_PER_TICK // 2 - 1))

@@ -10,7 +10,7 @@ import pytest
 
 from colony.ir.frame import Answer
 from colony.runtime.frames.clock import IDLE_FRAME_NS, LEADER_LEASE_NS, READY_TIMEOUT_NS
-from colony.runtime.frames.liveness import Liveness, TickAnswers, lease
+from colony.runtime.frames.registry import Liveness, TickAnswers, lease
 from colony.runtime.library import clock as library
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.interface import Interface, interface_of
@@ -19,7 +19,7 @@ from colony.runtime.protocol.messages import (
     Fetch,
     Ready,
     Restart,
-    Send,
+    SendMessage,
     ServerFrame,
     Wake,
 )
@@ -93,8 +93,8 @@ def test_a_frame_that_was_not_heard_of_is_asked_for_again(stage: Stage) -> None:
     stage.until(50 * MS)
     stage.until(100 * MS, answering=("RServer",))
     stage.until(200 * MS)
-    asked = [Send("PServer/fetches", fetch) for fetch in messages(stage.effects, Fetch)]
-    assert asked == [Send("PServer/fetches", Fetch(server="PServer", k=2))]
+    asked = [SendMessage("PServer/fetches", fetch) for fetch in messages(stage.effects, Fetch)]
+    assert asked == [SendMessage("PServer/fetches", Fetch(server="PServer", k=2))]
     stage.handle(ServerFrame(server="PServer", k=2, fields={}))
     stage.until(600 * MS, answering=("RServer",))
     assert not any(("PServer", 2) in t.void for t in stage.ticks)
@@ -326,7 +326,7 @@ def test_modules_in_python_are_watched_by_what_they_announce() -> None:
     stage.until(500 * MS)
     assert stage.ticks[5].down == ()
     assert stage.ticks[9].down == ("DServer/activity/pulse",)
-    assert Send("DServer/fetches", Fetch(server="DServer/activity/pulse", k=3)) in stage.effects
+    assert SendMessage("DServer/fetches", Fetch(server="DServer/activity/pulse", k=3)) in stage.effects
 
 
 # --- liveness ----------------------------------------------------------------------------------------

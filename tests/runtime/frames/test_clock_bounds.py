@@ -10,8 +10,7 @@ import pytest
 from colony.ir.frame import Answer
 from colony.ir.program import Actuator, Program
 from colony.runtime.frames.clock import IDLE_FRAME_NS, READY_TIMEOUT_NS, Clock
-from colony.runtime.frames.liveness import Liveness, TickAnswers
-from colony.runtime.frames.registry import ClientRegistry
+from colony.runtime.frames.registry import ClientRegistry, Liveness, TickAnswers
 from colony.runtime.library import clock as library
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import Deployment
@@ -21,7 +20,7 @@ from colony.runtime.protocol.messages import (
     Fetch,
     Ready,
     Restart,
-    Send,
+    SendMessage,
     ServerFrame,
     Wake,
     WakeAt,
@@ -92,7 +91,7 @@ def test_what_is_announced_is_not_asked_for_and_what_is_not_is() -> None:
         if k not in (0, 4):
             stage.handle(Announcement(k=k, module="pulse", answer=Answer()))
         stage.until((k + 1) * 50 * MS)
-    asked = [e for e in stage.effects if isinstance(e, Send) and isinstance(e.message, Fetch)]
+    asked = [e for e in stage.effects if isinstance(e, SendMessage) and isinstance(e.message, Fetch)]
     assert {(s.topic, s.message.server) for s in asked} == {("DServer/fetches", "DServer/activity/pulse")}
     assert {s.message.k for s in asked} == {0, 4}
     assert {t.down for t in stage.ticks} == {()}
@@ -135,7 +134,7 @@ def test_a_clock_that_was_stopped_blames_no_client() -> None:
 def test_a_tick_that_is_kept_is_sent_to_all_frames_of_the_clock(stage: Stage) -> None:
     stage.until(100 * MS)
     stage.fetched(1)
-    assert stage.effects[-1] == Send("Clock/frames", stage.ticks[1])
+    assert stage.effects[-1] == SendMessage("Clock/frames", stage.ticks[1])
 
 
 def test_a_run_begins_after_the_frame_of_the_same_moment() -> None:

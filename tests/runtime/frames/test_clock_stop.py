@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from colony.runtime.arbitration.stop_file import FILE_BYTES
+from colony.runtime.arbitration.stop_latch import FILE_BYTES
 from colony.runtime.frames.clock import Clock
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import emergency
+from colony.runtime.protocol.codec import check_plausible
 from colony.runtime.protocol.messages import ServerFrame, Stopped, Tick, Wake, WakeAt
-from colony.runtime.protocol.plausibility import check_plausible
 from tests.kit.calling import call_of
 from tests.kit.clock import Leader, Stage
 from tests.kit.node_stage import MS, Caller, S

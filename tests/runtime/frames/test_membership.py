@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from colony.runtime.frames.assembler import FrameAssembler
-from colony.runtime.frames.membership import ALIVE_INTERVAL_NS, READY_INTERVAL_NS, Membership
+from colony.runtime.frames.assembler import ALIVE_INTERVAL_NS, READY_INTERVAL_NS, FrameAssembler, Membership
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.messages import Ready, Restart, Send, Tick
+from colony.runtime.protocol.messages import Ready, Restart, SendMessage, Tick
 
-READY = Send(topics.READY, Ready(client="drive/avoid", run="run"))
+READY = SendMessage(topics.READY, Ready(client="drive/avoid", run="run"))
 
 
 def tick(run: str) -> Tick:
     return Tick(k=0, t_ns=0, run=run)
 
 
-def alive(k: int) -> Send:
-    return Send(topics.READY, Ready(client="drive/avoid", run="run", k=k))
+def alive(k: int) -> SendMessage:
+    return SendMessage(topics.READY, Ready(client="drive/avoid", run="run", k=k))
 
 
 def test_it_says_that_it_is_ready_until_its_run_is_there() -> None:
@@ -46,7 +45,8 @@ def test_several_say_each_for_itself_that_they_are_ready_and_live_and_ask_for_an
     some = Membership(("drive/avoid", "drive/cruise"), "run", FrameAssembler((), run="run"))
     assert [send.message.client for send in some.start(0)] == ["drive/avoid", "drive/cruise"]  # type: ignore[union-attr]
     assert list(some.on_requests_sent(5, 70)) == [
-        Send(topics.READY, Ready(client=client, run="run", k=5)) for client in ("drive/avoid", "drive/cruise")
+        SendMessage(topics.READY, Ready(client=client, run="run", k=5))
+        for client in ("drive/avoid", "drive/cruise")
     ]
     assert list(some.on_requests_sent(6, 71)) == []
-    assert some.restart_request(42) == Send(topics.RESTARTS, Restart(client="drive/avoid", start=42))
+    assert some.restart_request(42) == SendMessage(topics.RESTARTS, Restart(client="drive/avoid", start=42))

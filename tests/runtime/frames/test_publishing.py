@@ -12,8 +12,16 @@ from colony.runtime.frames.publishing import (
     Fields,
     Publisher,
 )
-from colony.runtime.protocol.messages import Announcement, Effect, Fetch, Sample, Send, ServerFrame, Tick
-from colony.runtime.servers.relaying import ActivityRelay
+from colony.runtime.protocol.messages import (
+    Announcement,
+    Effect,
+    Fetch,
+    Sample,
+    SendMessage,
+    ServerFrame,
+    Tick,
+)
+from colony.runtime.servers.dserver import ActivityRelay
 
 
 def publisher(frames_kept: int = 3) -> Publisher:
@@ -73,13 +81,13 @@ def test_the_answers_of_modules_are_handed_on_once_and_kept() -> None:
         command = None if answer.values is None else Sample(answer.values, 7)
         flags = {"error": Sample(answer.error, 7), "blind": Sample(answer.blind, 7)}
         frame = ServerFrame(server=name, k=k, fields={"command": command, **flags})
-        assert sent == Send("D/activity/pulse/frames", frame)
+        assert sent == SendMessage("D/activity/pulse/frames", frame)
         assert relay.announce(told, 8) == ()
     assert relay.announce(Announcement(k=0, module="stranger", answer=Answer((300.0, 5.0))), 7) == ()
     unkept = Fetch(server=name, k=0)
-    assert relay.fetch(unkept) == (Send("D/repeats/pulse", unkept),)
+    assert relay.fetch(unkept) == (SendMessage("D/repeats/pulse", unkept),)
     assert relay.fetch(unkept) == ()  # once a frame
-    assert relay.fetch(Fetch(server=name, k=1)) == (Send("D/activity/pulse/frames", frame),)
+    assert relay.fetch(Fetch(server=name, k=1)) == (SendMessage("D/activity/pulse/frames", frame),)
     relay.deploy(("other",))
     assert relay.fetch(Fetch(server=name, k=1)) == ()
     assert relay.listens == ("D/announcements", "D/fetches")
@@ -104,7 +112,7 @@ def fetched(server: Publisher, ks: Iterable[int]) -> list[int]:
         effect.message.k
         for k in ks
         for effect in server.handle(Fetch(server="S", k=k))
-        if isinstance(effect, Send) and isinstance(effect.message, ServerFrame)
+        if isinstance(effect, SendMessage) and isinstance(effect.message, ServerFrame)
     ]
 
 
@@ -177,7 +185,7 @@ def test_what_is_kept_of_answers_is_bounded_in_bytes() -> None:
     for k in range(400):
         relay.tick()
         (sent,) = relay.fetch(Fetch(server="D/activity/pulse", k=k))
-        again += [k] if isinstance(sent, Send) and isinstance(sent.message, ServerFrame) else []
+        again += [k] if isinstance(sent, SendMessage) and isinstance(sent.message, ServerFrame) else []
     assert again[-1] == 399
     assert len(again) * 9 * len(large) <= KEPT_BYTES // 2 < (len(again) + 2) * 9 * len(large)
 

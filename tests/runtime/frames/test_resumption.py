@@ -6,11 +6,15 @@ import msgspec
 import pytest
 
 from colony.ir.frame import Frame
-from colony.runtime.frames.assembler import MAX_REPORTED_NAMES, MAX_REPORTED_TICKS, FrameAssembler
-from colony.runtime.frames.membership import READY_INTERVAL_NS, Membership
-from colony.runtime.protocol.codec import MessageFormatError
-from colony.runtime.protocol.messages import Fetch, Progress, Ready, Restart, Send, ServerFrame, Tick
-from colony.runtime.protocol.plausibility import MAX_GAPS, check_plausible
+from colony.runtime.frames.assembler import (
+    MAX_REPORTED_NAMES,
+    MAX_REPORTED_TICKS,
+    READY_INTERVAL_NS,
+    FrameAssembler,
+    Membership,
+)
+from colony.runtime.protocol.codec import MAX_GAPS, MessageFormatError, check_plausible
+from colony.runtime.protocol.messages import Fetch, Progress, Ready, Restart, SendMessage, ServerFrame, Tick
 from tests.kit.clock import CLIENTS, Leader, Stage, deployed
 from tests.kit.node_stage import MS, S, messages
 from tests.runtime.frames.test_assembler import BUMPER, base, frames, tick
@@ -173,13 +177,16 @@ def test_a_reader_steps_across_the_gap(reader: FrameAssembler) -> None:
 
 def test_it_learns_of_the_gap_from_any_later_tick(reader: FrameAssembler) -> None:
     effects = reader.take(tick(902, gaps=((1, 900),)))
-    assert [s.message.k for s in effects if isinstance(s, Send) and s.topic == "Clock/fetches"] == [900, 901]  # type: ignore[union-attr]
+    assert [s.message.k for s in effects if isinstance(s, SendMessage) and s.topic == "Clock/fetches"] == [
+        900,
+        901,
+    ]  # type: ignore[union-attr]
     assert not reader.lost
 
 
 def test_it_fetches_what_it_missed_before_the_gap(reader: FrameAssembler) -> None:
     effects = reader.take(tick(900, gaps=((3, 900),)))
-    fetched = [s.message.k for s in effects if isinstance(s, Send) and s.topic == "Clock/fetches"]  # type: ignore[union-attr]
+    fetched = [s.message.k for s in effects if isinstance(s, SendMessage) and s.topic == "Clock/fetches"]  # type: ignore[union-attr]
     assert fetched == [2, 3]
     rest = (tick(2), base(2), tick(3), base(3), base(900))
     assert [f.t_ns // (50 * MS) for f in frames(reader, *rest)] == [2, 3, 900]
@@ -227,7 +234,9 @@ def test_progress_is_told_of_the_newest_ticks(reader: FrameAssembler) -> None:
 def test_the_first_of_several_members_tells_of_progress(reader: FrameAssembler) -> None:
     members = Membership(("drive/avoid", "drive/cruise"), "", reader)
     other = Tick(k=2, t_ns=0, run="other")
-    told = [send.message for send in members.on_tick(other, READY_INTERVAL_NS) if isinstance(send, Send)]
+    told = [
+        send.message for send in members.on_tick(other, READY_INTERVAL_NS) if isinstance(send, SendMessage)
+    ]
     assert [isinstance(m, Ready) and m.progress for m in told] == [reader.progress, None]
 
 

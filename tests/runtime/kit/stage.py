@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, contextmanager
 import msgspec
 
 from colony.runtime.kit.server import Field, Method, Offer, Reading, Server, Servers, field, method
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller
 from tests.runtime.transport.live.stage import ROBOT, python_process
@@ -60,20 +60,20 @@ class Battery:
         return self.level
 
 
-def level() -> Ask[float]:
-    return Ask("level", NoArguments(), float, "read", repeatable=True)
+def level() -> CallRequest[float]:
+    return CallRequest("level", NoArguments(), float, "read", repeatable=True)
 
 
-def charge(amperes: float) -> Ask[float]:
-    return Ask("charge", Charge(amperes=amperes), float, "command")
+def charge(amperes: float) -> CallRequest[float]:
+    return CallRequest("charge", Charge(amperes=amperes), float, "command")
 
 
-def plain(name: str, reply: object = None, *, repeatable: bool = False) -> Ask[object]:
-    return Ask(name, NoArguments(), reply or object, "command", repeatable=repeatable)
+def plain(name: str, reply: object = None, *, repeatable: bool = False) -> CallRequest[object]:
+    return CallRequest(name, NoArguments(), reply or object, "command", repeatable=repeatable)
 
 
-def halt() -> Ask[str]:
-    return Ask("halt", NoArguments(), str, "stop")
+def halt() -> CallRequest[str]:
+    return CallRequest("halt", NoArguments(), str, "stop")
 
 
 @contextmanager

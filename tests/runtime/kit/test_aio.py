@@ -16,7 +16,7 @@ from colony.runtime.kit.errors import (
     ConnectionLostError,
     ServerNotFoundError,
 )
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import NoArguments
 from tests.runtime.kit.stage import BATTERY, battery_thread, charge, level, plain
 from tests.runtime.kit.test_connection import _Telling
@@ -61,7 +61,7 @@ def test_nobody_there(environment: Mapping[str, str]) -> None:
         with pytest.raises(ServerNotFoundError, match="no robot `siena`"):
             async with aio.connect(BATTERY, robot="siena", environment=environment):
                 pass
-        async with aio.Session.open(ROBOT, environment=environment) as session:
+        async with aio.AsyncSession.open(ROBOT, environment=environment) as session:
             with pytest.raises(ServerNotFoundError, match="rome has no Radio"):
                 async with session.connect("Radio", timeout_s=0.2):
                     pass
@@ -73,7 +73,7 @@ def test_nobody_there(environment: Mapping[str, str]) -> None:
 def test_notices(environment: Mapping[str, str]) -> None:
     async def work() -> None:
         async with aio.connect("Telling", robot=ROBOT, environment=environment) as connection:
-            await connection.keep(Ask("watch", NoArguments(), None, "read"))
+            await connection.keep(CallRequest("watch", NoArguments(), None, "read"))
             came: list[object] = []
             async for notice in connection.notices():
                 came.append(msgspec.msgpack.decode(notice.body))

@@ -20,7 +20,7 @@ from colony.runtime.kit.background import (
     STUCK_S,
     Background,
     BlockingDevice,
-    next_pause_s,
+    DeviceBackoff,
 )
 from colony.runtime.kit.devices import DeviceReader
 from colony.runtime.servers.drivers import Reading
@@ -186,12 +186,11 @@ def test_a_device_that_does_not_open_is_tried_again() -> None:
 
 
 def test_pauses_grow_until_a_device_has_worked_for_a_while() -> None:
-    pauses = [0.0]
-    for _ in range(8):
-        pauses.append(next_pause_s(pauses[-1], 0.01))
-    assert pauses[1:4] == [FIRST_PAUSE_S, 2 * FIRST_PAUSE_S, 4 * FIRST_PAUSE_S]
+    backoff = DeviceBackoff()
+    pauses = [backoff.after(0.01) for _ in range(8)]
+    assert pauses[:3] == [FIRST_PAUSE_S, 2 * FIRST_PAUSE_S, 4 * FIRST_PAUSE_S]
     assert pauses[-1] == LONGEST_PAUSE_S
-    assert next_pause_s(LONGEST_PAUSE_S, STABLE_S) == FIRST_PAUSE_S
+    assert backoff.after(STABLE_S) == FIRST_PAUSE_S
 
 
 # --- commands --------------------------------------------------------------------------------------------

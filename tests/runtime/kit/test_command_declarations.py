@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from colony.runtime.kit.commands import command, parameter
-from colony.runtime.kit.fields import FieldReader
+from colony.runtime.kit.description import FieldReader
 from colony.runtime.kit.service import Service
 from tests.kit.lift import Lift
 

@@ -11,7 +11,7 @@ from colony.runtime.library import emergency
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import ActuatorSpec
-from colony.runtime.protocol.messages import Effect, Reply, Send, Stopped
+from colony.runtime.protocol.messages import Effect, Reply, SendMessage, Stopped
 from tests.kit.calling import call_of
 from tests.kit.lift import (
     FAST,
@@ -60,7 +60,7 @@ def test_the_next_frame_has_what_was_given_last() -> None:
     assert last(stage.decide(1, 300.0, True)) == [None, None, 7.0]
     assert last(stage.decide(2)) == [300.0, True, 7.0]
     assert last(stage.decide(3)) == [0.0, False, 7.0]
-    answers = [e.message for e in stage.effects if isinstance(e, Send) and e.topic == topics.ANSWERS]
+    answers = [e.message for e in stage.effects if isinstance(e, SendMessage) and e.topic == topics.ANSWERS]
     assert [(frame.k, dict(frame.fields)) for frame in answers] == [(1, {}), (2, {}), (3, {})]  # type: ignore[union-attr]
 
 

@@ -90,7 +90,7 @@ UP, IDLE = "move 300 True", "move 10 False"
 def test_a_lift_of_our_own(rome: Machine) -> None:
     lift = lift_on(rome)
     until(lambda: lift.printed() == "safe\n", "it is safe before a program drives it")
-    run = rome.start("colony run lift.colony --connect --robot ada --record run.mcap")
+    run = rome.start("colony drive lift.colony --robot ada --record run.mcap")
     says_next(lift, UP, "shine 9")
     stop = rome.run("colony stop --robot ada")
     assert (stop.result(), "Clock, RServer, DServer, Lift" in stop.printed()) == (0, True), stop.printed()
@@ -120,7 +120,7 @@ def test_a_lift_of_our_own(rome: Machine) -> None:
     assert re.search(r"BROKEN|disagree", run.printed()) is None, run.printed()
     audit = rome.run("colony audit run.mcap")
     assert audit.result() == 0, audit.printed()
-    again = rome.run("colony run lift.colony --connect --robot ada --duration 1")
+    again = rome.run("colony drive lift.colony --robot ada --duration 1")
     assert again.result() == 0, again.printed()
     assert UP in lift.printed().rpartition(IDLE)[0]
     before = lift.printed()

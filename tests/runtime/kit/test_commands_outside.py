@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from colony.runtime.kit.fields import FieldReader, field
+from colony.runtime.kit.description import FieldReader, field
 from colony.runtime.kit.service import Service, method
 from colony.runtime.library import actuator, emergency
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol.calls import NoArguments
 from colony.runtime.protocol.messages import Bounds, Effect, Stopped
@@ -32,7 +32,7 @@ from tests.kit.node_stage import MS, Caller
 LIMITED = structs.replace(LIFT, limited=True)
 
 
-def to(height: float, fast: bool = True, lease: float = 10.0) -> Ask[None]:
+def to(height: float, fast: bool = True, lease: float = 10.0) -> CallRequest[None]:
     return actuator.command("move", {"height": height, "fast": fast}, lease)
 
 

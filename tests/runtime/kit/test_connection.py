@@ -18,7 +18,7 @@ from colony.runtime.kit.errors import (
     ConnectionLostError,
     ServerNotFoundError,
 )
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, method
 from colony.runtime.protocol.messages import Effect, Message
@@ -76,21 +76,23 @@ def test_the_server_knows_who_calls(environment: Mapping[str, str]) -> None:
     [
         (plain("fly"), "method", "Battery has no method `fly`; it has open, close, status, level"),
         (charge(-1.0), "range", "-1 A: expected 0 or more"),
-        (Ask("charge", NoArguments(), float, "command"), "arguments", "Battery.charge: .*amperes"),
+        (CallRequest("charge", NoArguments(), float, "command"), "arguments", "Battery.charge: .*amperes"),
         (
-            Ask("charge", NoArguments(), float, "read"),
+            CallRequest("charge", NoArguments(), float, "read"),
             "right",
             "Battery.charge needs the right to command, not",
         ),
         (plain("fail"), "failed", "Battery.fail failed: ZeroDivisionError: division by zero"),
         (
-            Ask("level", NoArguments(), str, "read"),
+            CallRequest("level", NoArguments(), str, "read"),
             "reply",
             "Battery.level returned an invalid result: Expected `str`",
         ),
     ],
 )
-def test_what_the_server_does_not_do(battery: Connection, ask: Ask[object], code: str, says: str) -> None:
+def test_what_the_server_does_not_do(
+    battery: Connection, ask: CallRequest[object], code: str, says: str
+) -> None:
     with pytest.raises(CallRefusedError, match=says) as refused:
         battery.do(ask)
     assert refused.value.code == code
@@ -115,7 +117,7 @@ def test_a_call_may_ask_for_more_time_than_the_connection_gives(environment: Map
         connect(BATTERY, robot=ROBOT, environment=environment, timeout_s=2.0) as connection,
     ):
         server.wait.clear()
-        answer = connection.send(Ask("wait", NoArguments(), bool, "command", wait_s=20.0))
+        answer = connection.send(CallRequest("wait", NoArguments(), bool, "command", wait_s=20.0))
         assert answer._timeout_s == 20.0
         server.wait.set()
         assert answer.result() is True
@@ -189,7 +191,7 @@ def test_a_server_that_starts_late_is_waited_for(environment: Mapping[str, str])
 
         def ask() -> None:
             with session.connect("Late") as late:
-                found.append(late.do(Ask("one", NoArguments(), float, "read")))
+                found.append(late.do(CallRequest("one", NoArguments(), float, "read")))
 
         asking = threading.Thread(target=ask)
         asking.start()
@@ -239,7 +241,7 @@ def test_notices_come_in_their_order(environment: Mapping[str, str]) -> None:
         hosted(environment, [_Telling()]),
         connect("Telling", robot=ROBOT, environment=environment) as connection,
     ):
-        connection.keep(Ask("watch", NoArguments(), None, "read"))
+        connection.keep(CallRequest("watch", NoArguments(), None, "read"))
         came = connection.notices(timeout_s=20)
         three = [next(came) for _ in range(3)]
         assert [(n.subject, msgspec.msgpack.decode(n.body)) for n in three] == [
@@ -342,7 +344,7 @@ from colony.runtime.kit import aio
 from colony.runtime.kit.connection import Session, connect
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.kit.server import Server
-from colony.runtime.transport.live.errors import ForkedError
+from colony.runtime.transport.live.run_directory import ForkedError
 from tests.runtime.kit.stage import BATTERY, ROBOT, charge, level
 
 async def open_async():

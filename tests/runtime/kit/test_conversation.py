@@ -12,17 +12,17 @@ from colony.runtime.kit.conversation import (
     FIRST_RESEND_PAUSE_NS,
     KEEPALIVE_NS,
     Conversation,
+    ConversationState,
     Deliver,
     Effect,
     Listen,
     Outcome,
     Pending,
     Resolve,
-    State,
     Transmit,
 )
 from colony.runtime.kit.errors import CallRefusedError, ConnectionLostError
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import EMERGENCY_STOP, NoArguments
 from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.protocol.messages import Alive, Call, Notice, Problem, Reply
@@ -41,7 +41,7 @@ def _conversation() -> Conversation:
 
 
 def _pending(method: str, outcomes: list[Outcome], *, repeatable: bool = False) -> Pending:
-    ask: Ask[None] = Ask(method, NoArguments(), None, "command", repeatable=repeatable)
+    ask: CallRequest[None] = CallRequest(method, NoArguments(), None, "command", repeatable=repeatable)
     return Pending(ask, outcomes.append)
 
 
@@ -69,7 +69,7 @@ def _open(talk: Conversation, now_ns: int = 0) -> None:
     opened: list[Outcome] = []
     _resolve(talk.open(opened.append, now_ns))
     _resolve(talk.receive(Reply(connection=talk.connection, number=1), now_ns))
-    assert talk.state is State.OPEN
+    assert talk.state is ConversationState.OPEN
     assert len(opened) == 1
 
 
@@ -124,7 +124,7 @@ def test_a_silent_connection_gives_signs_of_life() -> None:
 def test_when_the_server_does_not_know_us_any_more_it_opens_anew_and_numbers_on() -> None:
     talk, outcomes = _conversation(), list[Outcome]()
     _open(talk)
-    kept: Ask[None] = Ask("watch", NoArguments(), None, "read")
+    kept: CallRequest[None] = CallRequest("watch", NoArguments(), None, "read")
     talk.repeat_on_reopen(kept)
     list(talk.submit(_pending("read", outcomes, repeatable=True), 0))
     list(talk.submit(_pending("go", outcomes), 0))
@@ -163,7 +163,7 @@ def test_a_refused_opening_is_told_and_tried_again() -> None:
     refusal = Reply(connection="ada/1", number=1, problem=Problem(code="full", message="1000 connections"))
     _resolve(talk.receive(refusal, 0))
     assert isinstance(opened[0], CallRefusedError)
-    assert (talk.state, talk.server_error) == (State.OPENING, "1000 connections")
+    assert (talk.state, talk.server_error) == (ConversationState.OPENING, "1000 connections")
     assert len(_calls(talk.poll(FIRST_RESEND_PAUSE_NS))) == 1
 
 
@@ -207,7 +207,7 @@ def test_who_gave_up_waiting_is_not_told() -> None:
 
 
 def test_arguments_that_are_too_large_are_refused_before_anything_is_sent() -> None:
-    ask: Ask[None] = Ask("write", _Blob(data=bytes(MAX_MESSAGE_BYTES)), None, "command")
+    ask: CallRequest[None] = CallRequest("write", _Blob(data=bytes(MAX_MESSAGE_BYTES)), None, "command")
     with pytest.raises(
         CallRefusedError, match=r"write: the arguments are [0-9]+ bytes; expected at most 4193280"
     ):
@@ -217,7 +217,7 @@ def test_arguments_that_are_too_large_are_refused_before_anything_is_sent() -> N
 def test_a_call_is_sent_again_before_its_time_as_long_as_it_has_no_answer() -> None:
     talk = Conversation(server="S", user="ada", new_id=iter(("1",)).__next__, name="n", priority=0)
     pending = Pending(
-        Ask(EMERGENCY_STOP, NoArguments(), type(None), "stop", repeatable=True), lambda outcome: None
+        CallRequest(EMERGENCY_STOP, NoArguments(), type(None), "stop", repeatable=True), lambda outcome: None
     )
     assert list(talk.resend(pending, 0)) == [], "not sent yet"
     list(talk.open(lambda outcome: None, 0))
@@ -233,7 +233,7 @@ def test_a_call_that_was_refused_as_one_too_many_is_sent_again() -> None:
     list(talk.open(lambda outcome: None, 0))
     list(talk.receive(Reply(connection="ada/1", number=1), 0))
     outcomes: list[object] = []
-    (sent,) = talk.submit(Pending(Ask("m", NoArguments(), type(None), "read"), outcomes.append), 0)
+    (sent,) = talk.submit(Pending(CallRequest("m", NoArguments(), type(None), "read"), outcomes.append), 0)
     flood = Problem(code="flood", message="too many")
     assert list(talk.receive(Reply(connection="ada/1", number=sent.message.number, problem=flood), 1)) == []
     assert (outcomes, talk.server_error) == ([], "too many")

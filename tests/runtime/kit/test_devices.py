@@ -16,14 +16,13 @@ from colony.ir.servers import COMMON_SERVERS, CommandSpec, FieldSpec, ParameterS
 from colony.ir.types import BOOL, DIMENSIONLESS, DISTANCE, Array, Enum, ScalarValue
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.kit.commands import CommandPerformer
-from colony.runtime.kit.description import describe, server_spec
+from colony.runtime.kit.description import MAX_AGE_NS, describe, server_spec
 from colony.runtime.kit.devices import NEVER_READ_NS, DeviceReader, device_commands, device_server
-from colony.runtime.kit.fields import MAX_AGE_NS
 from colony.runtime.kit.once import RECOVERED_AFTER
 from colony.runtime.kit.service import RETRY_SAFE_NS
 from colony.runtime.library import emergency
 from colony.runtime.library.ask import STATUS
-from colony.runtime.protocol.messages import Reply, Sample, Send, Tick, Wake
+from colony.runtime.protocol.messages import Reply, Sample, SendMessage, Tick, Wake
 from colony.runtime.servers.drivers import MAX_PROBLEM_LENGTH, Drivers, Reading, problems_of
 from colony.runtime.transport.virtual import VirtualClock
 from tests.kit.calling import call_of
@@ -478,7 +477,7 @@ def test_a_stop_is_answered_once_it_has_reached_the_device(reached_ms: int | Non
         device.unreached = None if reached_ms is not None and ms > reached_ms else device.unreached
         message = call_of(emergency.stop(), "eve/1") if ms % 30 == 0 else Wake()
         for effect in server.handle(message, ms * MS):
-            if isinstance(effect, Send) and isinstance(effect.message, Reply):
+            if isinstance(effect, SendMessage) and isinstance(effect.message, Reply):
                 answers.setdefault(ms, effect.message)
     [first, *repeated] = answers
     assert first == (150 if reached_ms is None else reached_ms + 2)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from colony.runtime.kit.fields import MAX_AGE_NS, FieldReader, Reading, field
+from colony.runtime.kit.description import MAX_AGE_NS, FieldReader, Reading, field
 from colony.runtime.kit.once import exception_text
 from colony.runtime.protocol.messages import Sample
 from tests.kit.node_stage import MS

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import threading
 import time
+from contextlib import closing
+from typing import cast
 
 import pytest
 
 from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import CallRefusedError, ServerNotFoundError
 from colony.runtime.kit.script import Script, do, sleep
-from colony.runtime.kit.script_live import run_script
+from colony.runtime.kit.script_live import LiveScripts, RestartedScript, run_script
 from colony.runtime.library import data
-from tests.waiting import until
+from tests.waiting import PATIENCE_S, until
 
 
 def test_a_script_asks_sleeps_and_ends(session: Session) -> None:
@@ -117,3 +119,105 @@ def _waiting(connection: Connection, name: str) -> int:
         return len(connection.do(data.semaphore(name)).waiting)
     except CallRefusedError:
         return -1
+
+
+# --- side by side: all end when the leader does, or when one fails ---------------------------------------
+
+
+def helper(ended: list[str], begun: list[str] | None = None) -> Script:
+    yield from do("DServer", data.create_semaphore("$Go", 0))
+    yield from do("DServer", data.signal("$Go"))
+    try:
+        if begun is not None:
+            begun.append("helper")
+        while True:
+            yield from sleep(0.01)
+    finally:
+        ended.append("helper")
+
+
+def leader() -> Script:
+    yield from do("DServer", data.create_semaphore("$Go", 0))
+    yield from do("DServer", data.wait("$Go"))
+
+
+def broken() -> Script:
+    yield from sleep(0.0)
+    raise ValueError("no good")
+
+
+def waiting() -> Script:
+    yield from do("DServer", data.create_semaphore("$Never", 0))
+    yield from do("DServer", data.wait("$Never"))
+
+
+def test_all_end_with_the_leader(session: Session) -> None:
+    ended: list[str] = []
+    with LiveScripts(session, {"helper": helper(ended), "leader": leader()}, leader="leader") as team:
+        assert team.wait(PATIENCE_S)
+    assert (team.over, team.done, team.problem, ended) == (True, True, "", ["helper"])
+
+
+def test_a_helper_that_fails_is_the_end_of_all(session: Session) -> None:
+    scripts = {"broken": broken(), "leader": waiting()}
+    with LiveScripts(session, scripts, leader="leader") as team:
+        assert team.wait(PATIENCE_S)
+    assert (team.done, team.problem) == (False, "broken: ValueError: no good")
+
+
+def test_a_server_that_is_not_there_is_told_in_its_own_words(session: Session) -> None:
+    def lost() -> Script:
+        yield from do("Nobody", data.get("x"))
+
+    with LiveScripts(session, {"lost": lost()}, leader="lost") as team:
+        assert team.wait(PATIENCE_S)
+    assert team.problem.startswith("lost: ")
+    assert "Nobody" in team.problem
+    assert "ServerNotFoundError" not in team.problem
+    assert not team.done
+
+
+def test_ended_from_outside_nothing_is_done_and_nothing_wrong(session: Session) -> None:
+    begun: list[str] = []
+    ended: list[str] = []
+    team = LiveScripts(session, {"helper": helper(ended, begun), "leader": waiting()}, leader="leader")
+    with team:
+        until(lambda: begun == ["helper"], "the helper has begun")
+        assert not team.wait(0.05)
+    assert (team.over, team.done, team.problem, ended) == (True, False, "", ["helper"])
+
+
+def test_a_leader_is_one_of_them(session: Session) -> None:
+    with pytest.raises(ValueError, match="`boss` is not among the scripts; expected one of helper"):
+        LiveScripts(session, {"helper": helper([])}, leader="boss")
+
+
+# --- begun again ------------------------------------------------------------------------------------
+
+
+class Absent:
+    """A session with a robot on which no server runs."""
+
+    def connect(self, server: str, **options: object) -> None:
+        raise ServerNotFoundError(f"no {server}")
+
+    def time_ns(self) -> int:
+        return 7
+
+
+def test_a_script_begins_again_after_a_failed_call_and_ends_when_it_is_closed() -> None:
+    begun, thrice = list[int](), threading.Event()
+
+    def script() -> Script:
+        begun.append((yield from sleep(0.0)))
+        if len(begun) == 3:
+            thrice.set()
+            while True:
+                yield from sleep(1000.0)
+        yield from do("DServer", data.set("X", 1.0))
+
+    with closing(RestartedScript(cast("Session", Absent()), script, name="test")) as running:
+        assert thrice.wait(PATIENCE_S)
+        running.close()
+    assert begun == [7, 7, 7]
+    assert not any(thread.name == "test" for thread in threading.enumerate())

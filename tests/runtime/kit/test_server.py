@@ -12,14 +12,20 @@ from colony.ir.program import Sensor
 from colony.ir.servers import FieldSpec
 from colony.ir.types import BOOL, DIMENSIONLESS, Array, Quantity
 from colony.runtime.kit.connection import Session
-from colony.runtime.kit.description import Description, FieldDescription, describe, field_type, server_spec
+from colony.runtime.kit.description import (
+    Description,
+    FieldDescription,
+    FieldReader,
+    describe,
+    field_type,
+    server_spec,
+)
 from colony.runtime.kit.errors import CallRefusedError
-from colony.runtime.kit.fields import FieldReader
 from colony.runtime.kit.server import Offer, Server, Servers, field
 from colony.runtime.kit.service import Service
 from colony.runtime.protocol.bindings import SensorBinding, bind
 from colony.runtime.protocol.messages import Fetch, ServerFrame, Tick
-from colony.runtime.transport.live.errors import AlreadyRunningError
+from colony.runtime.transport.live.run_directory import AlreadyRunningError
 from colony.text.diagnostics import DiagnosticError
 from colony.text.units import LENGTH, TIME
 from tests.kit.node_stage import Caller, NodeStage, messages

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from colony.runtime.observe import background
-from colony.runtime.observe.background import Background
+from colony.runtime.observe import observer
+from colony.runtime.observe.observer import BackgroundSink
 from tests.waiting import until
 
 
@@ -32,7 +32,7 @@ class Slow:
 
 def test_frames_wait_for_a_slow_sink_and_all_arrive_before_it_is_closed() -> None:
     sink = Slow()
-    behind = Background(sink)
+    behind = BackgroundSink(sink)
     for frame in ("a", "b", "c"):
         behind.take(frame)  # type: ignore[arg-type]
     assert sink.took == []
@@ -46,9 +46,9 @@ def test_frames_wait_for_a_slow_sink_and_all_arrive_before_it_is_closed() -> Non
 def test_a_sink_that_takes_nothing_holds_no_end_up(
     monkeypatch: pytest.MonkeyPatch, dispensable: bool
 ) -> None:
-    monkeypatch.setattr(background, "PATIENCE_S", 0.01)
+    monkeypatch.setattr(observer, "PATIENCE_S", 0.01)
     sink = Slow()
-    behind = Background(sink, dispensable=dispensable)
+    behind = BackgroundSink(sink, dispensable=dispensable)
     for frame in ("a", "b", "c"):
         behind.take(frame)  # type: ignore[arg-type]
     if dispensable:
@@ -62,7 +62,7 @@ def test_a_sink_that_takes_nothing_holds_no_end_up(
 def test_what_a_sink_raises_is_raised_once_and_it_gets_no_more_frames() -> None:
     sink = Slow()
     sink.may.set()
-    behind = Background(sink)
+    behind = BackgroundSink(sink)
     behind.take("bad")  # type: ignore[arg-type]
     until(lambda: behind._has_failed, "it fails")
     with pytest.raises(OSError, match="no room"):
@@ -74,9 +74,9 @@ def test_what_a_sink_raises_is_raised_once_and_it_gets_no_more_frames() -> None:
 
 
 def test_a_sink_that_takes_nothing_ends_the_run_at_last(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(background, "MAX_WAITING", 3)
+    monkeypatch.setattr(observer, "MAX_WAITING", 3)
     sink = Slow()
-    behind = Background(sink)
+    behind = BackgroundSink(sink)
     taken = 0
 
     def take_all() -> None:

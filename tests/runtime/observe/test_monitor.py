@@ -8,7 +8,7 @@ import pytest
 
 from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import Answer, Decision, Frame, Outcome
-from colony.runtime.observe.monitor import Monitor
+from colony.runtime.observe.observer import Monitor
 from colony.runtime.protocol.messages import Verdict
 from tests.programs import compilation, robot
 

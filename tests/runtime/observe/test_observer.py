@@ -9,8 +9,7 @@ import pytest
 from colony.ir.frame import Answer, Decision, Frame, Outcome
 from colony.ir.memory import ProgramMemory
 from colony.runtime.frames.assembler import FRAME_RETENTION_NS, FrameAssembler
-from colony.runtime.observe.monitor import Monitor
-from colony.runtime.observe.observer import Observer
+from colony.runtime.observe.observer import Monitor, Observer
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import SensorBinding
 from colony.runtime.protocol.messages import (
@@ -20,7 +19,7 @@ from colony.runtime.protocol.messages import (
     Request,
     Restart,
     Sample,
-    Send,
+    SendMessage,
     ServerFrame,
     Tick,
     Verdict,
@@ -168,7 +167,7 @@ def test_who_stepped_over_a_frame_that_nobody_else_got_asks_for_a_new_epoch() ->
         stage.take(tick(k), sonar, verdict(k, k + 1.0))
     assert stage.sent == []
     void = Tick(k=2, t_ns=2, run="run", down=("P",), void=(("P", 1),))
-    restart = Send(topics.RESTARTS, Restart(client="Observer", start=0))
+    restart = SendMessage(topics.RESTARTS, Restart(client="Observer", start=0))
     stage.take(void, verdict(2, 3.0))
     stage.take(Tick(k=3, t_ns=3, run="run", down=("P",)), verdict(3, 4.0))
     assert [effect for effect in stage.sent if effect == restart] == [restart, restart]
@@ -187,7 +186,7 @@ def test_who_missed_frames_does_not_make_everybody_begin_anew(stage: Stage) -> N
     stage.frame(0, 1.0)
     stage.frame(9, 99.0)
     stage.frame(10, 99.0)
-    assert not any(isinstance(e, Send) and isinstance(e.message, Restart) for e in stage.sent)
+    assert not any(isinstance(e, SendMessage) and isinstance(e.message, Restart) for e in stage.sent)
 
 
 BUMPER = SensorBinding(sensor="bumper", server="R", field="bumper", max_age_ns=None, factor=1.0)
@@ -214,7 +213,7 @@ def test_a_frame_is_disputed_if_it_became_void_but_was_read(
     by = None if fate == "late" else "go"
     stage.take(Verdict(k=1, t_ns=1, actuator="drive", by=by, values=values, fates=(("go", fate),)))
     stage.take(VOID, verdict(2, 3.0))
-    restart = Send(topics.RESTARTS, Restart(client="Observer", start=0))
+    restart = SendMessage(topics.RESTARTS, Restart(client="Observer", start=0))
     assert (restart in stage.sent) is disputed
     found = [(f.tick.k, f.memory_unknown, f.disagreements) for f in stage.log.frames]
     assert found == [(0, False, ()), (1, disputed, ()), (2, disputed, ())]

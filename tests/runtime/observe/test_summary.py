@@ -11,7 +11,7 @@ from msgspec import structs
 from colony.compile.pipeline import compile_program
 from colony.execute.needs import BOUNDS
 from colony.ir.expression import SensorValue
-from colony.ir.program import Command, Limit, Module, Program, Use, Wire
+from colony.ir.program import Limit, Module, Program, TransferFunction, Use, Wire
 from colony.ir.types import BOOL
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.observe.summary import RunSummary, Tally, Travel, render
@@ -133,7 +133,8 @@ def test_a_server_without_verdicts_is_named() -> None:
 def test_a_command_that_is_not_finite_is_a_fault() -> None:
     program = awake()
     bad = replace(
-        cruise(program), command=Command(actuator="drive", fields=(number(float("nan")), number(0.0)))
+        cruise(program),
+        command=TransferFunction(actuator="drive", fields=(number(float("nan")), number(0.0))),
     )
     summary = summarize(replace(program, modules=(bad, *program.modules[1:])), Script(), 1 * S)
     assert [(r.kind, r.subject, r.frames) for r in summary.records] == [("not finite", "cruise", 20)]

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol import calls
 from colony.runtime.protocol.calls import (
     LATER,
@@ -32,7 +32,7 @@ from colony.runtime.protocol.messages import (
     Notice,
     Reply,
     Right,
-    Send,
+    SendMessage,
     Wake,
     WakeAt,
 )
@@ -124,7 +124,7 @@ def call(
     right: Right = "command",
 ) -> Call:
     return call_of(
-        Ask(what, {} if arguments is None else arguments, None, right), connection, number, priority
+        CallRequest(what, {} if arguments is None else arguments, None, right), connection, number, priority
     )
 
 
@@ -324,7 +324,7 @@ def test_malformed_messages_are_answered_and_counted(sums: Sums) -> None:
 def test_effects_are_lazy_but_complete(sums: Sums) -> None:
     """Whoever takes the effects one by one gets all of them."""
     effects = list(sums.desk.handle(call(ANN, 2, "sum"), 0))
-    assert [type(e) for e in effects] == [Send]
+    assert [type(e) for e in effects] == [SendMessage]
 
 
 def test_the_right_to_stop_does_not_do_for_what_goes_on_to_cost_something(sums: Sums) -> None:

@@ -7,8 +7,7 @@ import pytest
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import Deployment
-from colony.runtime.protocol.leadership import Leadership
+from colony.runtime.protocol.deployment import Deployment, Leadership
 from tests.kit.node_stage import NodeStage, S
 from tests.runtime.servers.fuzz_stage import WITH_USERS
 

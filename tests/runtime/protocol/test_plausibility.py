@@ -6,7 +6,13 @@ import msgspec
 import pytest
 
 from colony.ir.frame import Answer
-from colony.runtime.protocol.codec import MessageFormatError
+from colony.runtime.protocol.codec import (
+    FRAME_NUMBER_NS,
+    MAX_CLOCK_LEAD_NS,
+    MAX_NAMES,
+    MessageFormatError,
+    check_plausible,
+)
 from colony.runtime.protocol.messages import (
     Announcement,
     Bounds,
@@ -20,12 +26,6 @@ from colony.runtime.protocol.messages import (
     Stopped,
     Tick,
     Verdict,
-)
-from colony.runtime.protocol.plausibility import (
-    FRAME_NUMBER_NS,
-    MAX_CLOCK_LEAD_NS,
-    MAX_NAMES,
-    check_plausible,
 )
 
 NOW_NS = 60_000_000_000

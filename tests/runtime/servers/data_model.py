@@ -5,7 +5,7 @@ from __future__ import annotations
 from copy import deepcopy
 from typing import Any, NamedTuple
 
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.servers.call_answers import ANSWERS_PER_CONNECTION
 
 
@@ -60,7 +60,7 @@ class Model:
 
     # --- calls ---------------------------------------------------------------------------------------
 
-    def call(self, call: CallOf, ask: Ask[Any], now: int) -> Outcome | None:
+    def call(self, call: CallOf, ask: CallRequest[Any], now: int) -> Outcome | None:
         """How a call comes out; None where it waits."""
         if call in self.said:
             return self.said[call]
@@ -81,7 +81,7 @@ class Model:
         mine = [c for c in self.state.done if c.connection == call.connection]
         assert len(mine) < ANSWERS_PER_CONNECTION, "the model does not know that answers are forgotten"
 
-    def _do(self, call: CallOf, ask: Ask[Any], now: int) -> Outcome | None:
+    def _do(self, call: CallOf, ask: CallRequest[Any], now: int) -> Outcome | None:
         state, a = self.state, ask.arguments
         match ask.method:
             case "set_many":

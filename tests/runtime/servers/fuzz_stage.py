@@ -15,10 +15,10 @@ from typing import Any, get_args
 import msgspec
 
 from colony.runtime.frames.clock import Clock
-from colony.runtime.kit.fields import field
+from colony.runtime.kit.description import field
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.calls import CallDispatcher, Method, Open
-from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, MessageFormatError
+from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, MessageFormatError, check_plausible
 from colony.runtime.protocol.images import Image
 from colony.runtime.protocol.messages import (
     Announcement,
@@ -37,14 +37,13 @@ from colony.runtime.protocol.messages import (
     Restart,
     Right,
     Sample,
-    Send,
+    SendMessage,
     SentMessage,
     ServerFrame,
     Tick,
     Verdict,
     Wake,
 )
-from colony.runtime.protocol.plausibility import check_plausible
 from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.dserver import DServer
 from colony.runtime.servers.pserver import PServer
@@ -303,7 +302,7 @@ class Stage(NodeStage):
         self.replies.clear()
         super().keep(effects)
         for effect in effects:
-            if isinstance(effect, Send):
+            if isinstance(effect, SendMessage):
                 assert effect.topic
                 assert len(codec.encode(effect.message)) <= MAX_MESSAGE_BYTES
         self.ticks += messages(effects, Tick)

@@ -8,7 +8,7 @@ from typing import Literal
 import pytest
 
 from colony.runtime.protocol.deployment import ActuatorFieldSpec
-from colony.runtime.servers.built_in import expected_of
+from colony.runtime.servers.commanding import expected_of
 
 
 @pytest.mark.parametrize(

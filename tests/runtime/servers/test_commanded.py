@@ -12,7 +12,7 @@ from msgspec import structs
 from colony.execute.needs import BOUNDS
 from colony.runtime.kit.commands import command, parameter
 from colony.runtime.library import actuator, emergency, robot
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec
 from colony.runtime.protocol.messages import (
@@ -42,7 +42,7 @@ class Server(NamedTuple):
 
     spec: ActuatorSpec
 
-    def ask(self, value: float, lease: float = 10.0) -> Ask[None]:
+    def ask(self, value: float, lease: float = 10.0) -> CallRequest[None]:
         if self.spec.server == "RServer":
             return robot.drive(value, 0.0, lease)
         return actuator.command("move", {"height": value}, lease)

@@ -17,7 +17,7 @@ from colony.runtime.protocol.messages import (
     Fetch,
     Malformed,
     Recall,
-    Send,
+    SendMessage,
     ServerFrame,
     Verdict,
     Wake,
@@ -70,7 +70,7 @@ def test_what_was_sent_survives_a_death_where_the_actuator_holds_it() -> None:
 def test_what_a_command_of_a_frame_sets_is_read_in_the_next(stage: DataStage) -> None:
     leader = stage.connect("ada/leader")
     leader.do(deploy(program("run", LAMP, POSE, reads=("Lamp", "Pose"))))
-    assert [e for e in stage.tick(7) if isinstance(e, Send)] != []
+    assert [e for e in stage.tick(7) if isinstance(e, SendMessage)] != []
     for command in (request(7, "lamp", True), request(7, "pose", 1.0, 2.5)):
         assert [v.by for v in verdicts(stage.handle(command))] == ["counter"]
     assert stage.fields(7 + 1, "run") == {"Lamp": True, "Pose": (1.0, 2.5)}

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from colony.runtime.library import data
-from colony.runtime.library.ask import STATUS, Ask
+from colony.runtime.library.ask import STATUS, CallRequest
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol.messages import Verdict
 from colony.runtime.servers.dserver import SPACE_CHECK_INTERVAL_NS
@@ -73,7 +73,7 @@ def lit(stage: DataStage, k: int, on: bool) -> None:
 
 @pytest.mark.parametrize("ask", KEPT, ids=lambda ask: ask.method)
 def test_what_must_be_kept_is_refused_before_anything_is_changed(
-    stage: DataStage, store: Cramped, ada: Caller, ask: Ask[Any]
+    stage: DataStage, store: Cramped, ada: Caller, ask: CallRequest[Any]
 ) -> None:
     fill(stage, store)
     before = stage.fields(2, "run"), ada.do(data.semaphore("free")), ada.do(data.semaphore("taken"))

@@ -8,12 +8,12 @@ import msgspec
 import pytest
 
 from colony.runtime.library import data
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.messages import Wake, WakeAt
-from colony.runtime.servers import call_answers, semaphores, variables, watching
+from colony.runtime.servers import call_answers, data_calls, semaphores, variables
 from colony.runtime.servers.call_answers import CallAnswers
-from colony.runtime.servers.names import SortedNames
-from colony.runtime.servers.notices import SLICE_BYTES, SLICE_INTERVAL_NS, SLICE_NOTICES
+from colony.runtime.servers.data_calls import SLICE_BYTES, SLICE_INTERVAL_NS, SLICE_NOTICES
+from colony.runtime.servers.variables import SortedNames
 from colony.runtime.store.store import Journal, MemoryStore
 from tests.kit.data import DataStage
 from tests.kit.node_stage import Caller, settle
@@ -46,14 +46,14 @@ def test_a_call_is_of_a_thousand_names_at_most(ada: Caller) -> None:
 def test_values_are_counted_not_only_measured(ada: Caller, values: bytes) -> None:
     """Of one name each, again and again: decoded they would be one value."""
     assert (
-        ada.refusal(Ask("set_many", data.SetMany(values=msgspec.Raw(values)), type(None), "command"))
+        ada.refusal(CallRequest("set_many", data.SetMany(values=msgspec.Raw(values)), type(None), "command"))
         == "size"
     )
 
 
 @pytest.mark.parametrize("values", [b"\x90", b"\xc0", b"\x81\x01\x02", b"\x81\xa1\xff\x02"])
 def test_what_is_no_mapping_of_names_is_refused(ada: Caller, values: bytes) -> None:
-    ask = Ask("set_many", data.SetMany(values=msgspec.Raw(values)), type(None), "command")
+    ask = CallRequest("set_many", data.SetMany(values=msgspec.Raw(values)), type(None), "command")
     assert ada.refusal(ask) == "arguments"
 
 
@@ -124,9 +124,9 @@ def test_there_are_so_many_semaphores_holds_and_waiting_calls(monkeypatch: pytes
 
 
 def test_there_are_so_many_names_and_prefixes_watched(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watching, "MAX_WATCHED_NAMES", 3)
-    monkeypatch.setattr(watching, "MAX_WATCHED_PREFIXES", 2)
-    monkeypatch.setattr(watching, "USER_LIMIT_DIVISOR", 1)
+    monkeypatch.setattr(data_calls, "MAX_WATCHED_NAMES", 3)
+    monkeypatch.setattr(data_calls, "MAX_WATCHED_PREFIXES", 2)
+    monkeypatch.setattr(data_calls, "USER_LIMIT_DIVISOR", 1)
     stage = DataStage()
     ada, bob = stage.connect(), stage.connect("bob/1")
     ada.do(data.watch("A", "B", prefixes=["P"]))
@@ -141,8 +141,8 @@ def test_there_are_so_many_names_and_prefixes_watched(monkeypatch: pytest.Monkey
 
 
 def test_no_user_watches_all_there_is_to_watch(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(watching, "MAX_WATCHED_NAMES", 4)
-    monkeypatch.setattr(watching, "MAX_WATCHED_PREFIXES", 4)
+    monkeypatch.setattr(data_calls, "MAX_WATCHED_NAMES", 4)
+    monkeypatch.setattr(data_calls, "MAX_WATCHED_PREFIXES", 4)
     stage = DataStage()
     first, second, bob = stage.connect("ada/1"), stage.connect("ada/2"), stage.connect("bob/1")
     first.do(data.watch("A", prefixes=["P"]))

@@ -11,7 +11,7 @@ from hypothesis import settings
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from colony.runtime.library import data
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import LEASE_NS
 from colony.runtime.protocol.messages import Effect
 from colony.runtime.servers.data_calls import RECONNECT_GRACE_NS
@@ -36,7 +36,7 @@ class DServerMachine(RuleBasedStateMachine):
         self.stage, self.model = DataStage(), Model()
         self.connections = {name: self.stage.connect(name) for name in CONNECTIONS}
         self.observer = self.stage.connect("observer/1")
-        self.asked: dict[CallOf, Ask[Any]] = {}
+        self.asked: dict[CallOf, CallRequest[Any]] = {}
         self.unacknowledged: list[CallOf] = []
         self.call("ada/1", data.create_semaphore("S", 1))
 
@@ -90,7 +90,7 @@ class DServerMachine(RuleBasedStateMachine):
         """One of the calls so far arrives again."""
         self.make(list(self.asked)[int(place * len(self.asked))])
 
-    def call(self, caller: str, ask: Ask[Any]) -> None:
+    def call(self, caller: str, ask: CallRequest[Any]) -> None:
         connection = self.connections[caller]
         connection.number += 1
         call = CallOf(caller, connection.number)
@@ -196,7 +196,7 @@ class DServerMachine(RuleBasedStateMachine):
             assert list(found.waiting) == [w.call.connection for w in model.queues.get(name, [])]
             assert sorted(found.holding) == sorted(c.connection for c, n in state.holds.items() if n == name)
 
-    def look(self, ask: Ask[Any]) -> Any:
+    def look(self, ask: CallRequest[Any]) -> Any:
         """Ask without committing."""
         message = self.observer.call(ask)
         return result_of(ask, self.observer.reply(self.stage.node.handle(message, self.stage.now_ns)))

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from colony.runtime.library import data
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.servers.call_answers import ANSWERS_PER_CONNECTION, MAX_CONNECTIONS, CallAnswers
 from colony.runtime.store.store import Journal, MemoryStore
 from tests.kit.node_stage import Caller, CallError, S, settle
@@ -34,7 +34,7 @@ def again(connection: Caller) -> None:
     ids=lambda ask: ask.method,
 )
 def test_what_was_done_is_answered_alike_and_not_done_again(
-    ada: Caller, ask: Ask[Any], other: Ask[Any], expected: Ask[Any]
+    ada: Caller, ask: CallRequest[Any], other: CallRequest[Any], expected: CallRequest[Any]
 ) -> None:
     ada.do(data.set_many({"X": 0}))
     ada.do(data.create_semaphore("T", 1))

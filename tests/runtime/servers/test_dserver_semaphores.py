@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from colony.runtime.library import data
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.data import SemaphoreState
 from colony.runtime.protocol.messages import Effect
 from colony.runtime.servers.data_calls import RECONNECT_GRACE_NS
@@ -52,7 +52,7 @@ def test_wait_takes_and_signal_puts_back(ada: Caller) -> None:
 @pytest.mark.parametrize(
     "ask", [data.wait("no"), data.signal("no"), data.release("no"), data.semaphore("no")], ids=str
 )
-def test_unknown_semaphores_are_refused(ada: Caller, ask: Ask[Any]) -> None:
+def test_unknown_semaphores_are_refused(ada: Caller, ask: CallRequest[Any]) -> None:
     assert ada.refusal(ask) == "unknown"
 
 

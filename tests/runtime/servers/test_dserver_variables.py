@@ -8,11 +8,11 @@ import msgspec
 import pytest
 
 from colony.runtime.library import data
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.messages import Wake
+from colony.runtime.servers.data_calls import LOST_WATCHES_NS
 from colony.runtime.servers.variables import MAX_VALUE_BYTES, Variables, validate_value
-from colony.runtime.servers.watching import LOST_WATCHES_NS
 from colony.runtime.store.store import Journal, MemoryStore
 from tests.kit.data import DataStage
 from tests.kit.node_stage import MS, Caller, CallError, S
@@ -157,7 +157,7 @@ def test_a_reply_that_would_be_too_large_is_refused(ada: Caller) -> None:
 )
 def test_what_nobody_could_read_is_refused(ada: Caller, raw: bytes) -> None:
     """Text that is no UTF-8, a mapping with a mapping as key, and what is nested too deep."""
-    ask = Ask("set", data.Set(name="X", value=msgspec.Raw(raw)), type(None), "command")
+    ask = CallRequest("set", data.Set(name="X", value=msgspec.Raw(raw)), type(None), "command")
     assert ada.refusal(ask) == "arguments"
     assert ada.do(data.names()) == ()
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from colony.runtime.library import emergency, robot
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.servers.drivers import BaseState
 from tests.kit.base import RollingBase, Stage, deployed, silent
 from tests.kit.node_stage import result_of
@@ -26,7 +26,7 @@ def stage() -> Stage:
     return stage_for()
 
 
-def done(stage: Stage, ask: Ask[Any], connection: str = "ann/1") -> Any:
+def done(stage: Stage, ask: CallRequest[Any], connection: str = "ann/1") -> Any:
     number = stage.send(connection, ask)
     stage.frames_until(connection, number)
     return result_of(ask, stage.replies[connection, number])
@@ -290,7 +290,9 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("ask", "text"), WRONG, ids=[text for _, text in WRONG])
-def test_what_cannot_be_is_refused_with_what_was_expected(stage: Stage, ask: Ask[Any], text: str) -> None:
+def test_what_cannot_be_is_refused_with_what_was_expected(
+    stage: Stage, ask: CallRequest[Any], text: str
+) -> None:
     problem = stage.problem("ann/1", ask)
     assert problem.code == "arguments"
     assert text in problem.message
@@ -317,7 +319,7 @@ def test_a_standing_command_is_clamped_by_a_program_that_comes_later() -> None:
     assert stage.base.told[-1][1:] == (500.0, 60.0)
 
 
-MOVING: list[Ask[Any]] = [
+MOVING: list[CallRequest[Any]] = [
     robot.drive(10.0, 0.0),
     robot.go(10.0),
     robot.proportional_go(10.0),
@@ -330,7 +332,9 @@ MOVING: list[Ask[Any]] = [
 
 
 @pytest.mark.parametrize("ask", MOVING, ids=lambda ask: ask.method)
-def test_arbitration_names_the_call_by_which_a_connection_commands(stage: Stage, ask: Ask[Any]) -> None:
+def test_arbitration_names_the_call_by_which_a_connection_commands(
+    stage: Stage, ask: CallRequest[Any]
+) -> None:
     stage.send("ann/1", ask)
     stage.frame()
     [report] = stage.do("ann/1", robot.arbitration()).outside

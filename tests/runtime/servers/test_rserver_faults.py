@@ -15,7 +15,7 @@ import msgspec
 import pytest
 
 from colony.runtime.library import emergency, robot
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.messages import Alive, Call, Fate, Malformed, Tick
 from tests.kit.base import CLIENTS, RollingBase, Stage, bid, deployed
 from tests.kit.node_stage import FRAME_NS
@@ -79,7 +79,7 @@ class Crowd:
             case _:
                 stage.send(who, self.ask())
 
-    def ask(self) -> Ask[object]:
+    def ask(self) -> CallRequest[object]:
         chance = self.chance
         number = chance.choice((0.0, 1.0, -50.0, 200.0, 1e9, float("nan"), float("inf")))
         return chance.choice(

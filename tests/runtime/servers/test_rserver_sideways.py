@@ -12,9 +12,15 @@ from colony.runtime.library import robot
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.protocol.deployment import ActuatorFieldSpec
 from colony.runtime.protocol.messages import Bounds
-from colony.runtime.servers.base_actuator import allowed_range, mismatch
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.motion_commands import Context, drive, full_range, initial_settings
+from colony.runtime.servers.piloting import (
+    Context,
+    allowed_range,
+    drive,
+    full_range,
+    initial_settings,
+    mismatch,
+)
 from tests.kit.base import LIMITS, RollingBase, Stage, bid, deployed, silent
 
 SIDEWAYS_LIMITS = replace(LIMITS, sideways=400.0, sideways_acceleration=600.0)

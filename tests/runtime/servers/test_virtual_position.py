@@ -8,8 +8,8 @@ import random
 import pytest
 
 from colony.runtime.arbitration.motion import OdometerPose
+from colony.runtime.servers.base import Odometer, VirtualAxis
 from colony.runtime.servers.drivers import BaseState
-from colony.runtime.servers.virtual_position import Odometer, VirtualAxis
 
 HALF = 1 << 15
 

@@ -12,8 +12,7 @@ from typing import Any
 
 import pytest
 
-from colony.runtime.store.reserve import RESERVE_BYTES
-from colony.runtime.store.store import Journal, Key, PendingStore, StoreFullError
+from colony.runtime.store.store import RESERVE_BYTES, Journal, Key, PendingStore, StoreFullError
 from tests.kit.data import Cramped
 from tests.kit.node_stage import settle
 from tests.paths import ROOT

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.store.quarantine import damage_notes, list_quarantined
-from colony.runtime.store.sqlite import SqliteStore
+from colony.runtime.store.sqlite import SqliteStore, damage_notes, list_quarantined
 from colony.runtime.store.store import Journal, Key, MemoryStore, Store, StoreError
 from tests.kit.node_stage import settle
 from tests.paths import ROOT

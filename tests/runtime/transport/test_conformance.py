@@ -19,7 +19,7 @@ from colony.runtime.protocol.messages import (
     Message,
     Node,
     Reply,
-    Send,
+    SendMessage,
     SentMessage,
     ServerFrame,
     Tick,
@@ -211,7 +211,7 @@ def test_what_one_sender_sends_later_arrives_later(stage: Stage) -> None:
 
     def count(message: Message, now_ns: int) -> Iterable[Effect]:
         if len(sender.got) <= many:
-            yield Send(ELSEWHERE, Tick(k=len(sender.got), t_ns=now_ns))
+            yield SendMessage(ELSEWHERE, Tick(k=len(sender.got), t_ns=now_ns))
             yield WakeAt(now_ns + 1000)
 
     listener = Recorder("listener", ELSEWHERE)
@@ -318,7 +318,7 @@ class _Settler(Recorder):
 def test_a_node_settles_before_its_answers_leave(stage: Stage) -> None:
     def answer(message: Message, now_ns: int) -> Iterable[Effect]:
         if isinstance(message, Tick):
-            yield Send(topics.replies("settler", "ada/1"), Reply(connection="ada/1", number=message.k))
+            yield SendMessage(topics.replies("settler", "ada/1"), Reply(connection="ada/1", number=message.k))
 
     settler = _Settler(topics.TICKS, on=answer)
     settled_at: list[tuple[int, int]] = []
@@ -341,7 +341,7 @@ def test_calls_and_replies_find_their_ways(stage: Stage) -> None:
     def answer(message: Message, now_ns: int) -> Iterable[Effect]:
         if isinstance(message, Call):
             reply = Reply(connection=message.connection, number=message.number)
-            yield Send(topics.replies("server", message.connection), reply)
+            yield SendMessage(topics.replies("server", message.connection), reply)
 
     mine, yours = (Recorder(name, topics.replies("server", f"ada/{name}")) for name in ("mine", "yours"))
     server = Recorder("server", topics.calls("server"), on=answer)

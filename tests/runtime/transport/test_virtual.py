@@ -6,8 +6,17 @@ from collections.abc import Callable, Iterable
 
 import pytest
 
-from colony.runtime.protocol.messages import Effect, Fetch, Malformed, Message, Send, Tick, Wake, WakeAt
-from colony.runtime.transport.faults import FaultRates, Faults
+from colony.runtime.protocol.messages import (
+    Effect,
+    Fetch,
+    Malformed,
+    Message,
+    SendMessage,
+    Tick,
+    Wake,
+    WakeAt,
+)
+from colony.runtime.transport.faults import FaultRates, LinkFaults
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 
 
@@ -33,8 +42,8 @@ class Echo:
         pass
 
 
-def news(k: int) -> Send:
-    return Send("news", Fetch(server="s", k=k))
+def news(k: int) -> SendMessage:
+    return SendMessage("news", Fetch(server="s", k=k))
 
 
 def heard(seed: int) -> list[int]:
@@ -112,7 +121,10 @@ def test_ticks_are_messages_like_any_other() -> None:
         Echo(
             "w",
             listens=(),
-            says=(Send("Clock/ticks", Tick(k=0, t_ns=0)), Send("nobody", Fetch(server="s", k=0))),
+            says=(
+                SendMessage("Clock/ticks", Tick(k=0, t_ns=0)),
+                SendMessage("nobody", Fetch(server="s", k=0)),
+            ),
         )
     )
     transport.run_until(1)
@@ -168,7 +180,7 @@ def test_nothing_leaves_before_a_node_has_settled() -> None:
 
         def handle(self, message: Message, now_ns: int) -> Iterable[Effect]:
             log.append("handles")
-            yield Send("out", message)  # type: ignore[arg-type]
+            yield SendMessage("out", message)  # type: ignore[arg-type]
             log.append("has handled")
 
         def settle(self) -> Callable[[], None]:
@@ -192,10 +204,10 @@ def test_faults_are_those_of_the_seed() -> None:
     rates = FaultRates(lost=0.1, duplicated=0.1, late=0.1, reordered=0.2, late_ns=1000, reordered_ns=10)
     message = Fetch(server="s", k=0)
     first, again = (
-        [one("a", "b", message) for _ in range(50)] for one in (Faults(3, rates), Faults(3, rates))
+        [one("a", "b", message) for _ in range(50)] for one in (LinkFaults(3, rates), LinkFaults(3, rates))
     )
     assert first == again
-    one = Faults(7, rates, exempt=lambda sender, receiver, message: receiver == "spared")
+    one = LinkFaults(7, rates, exempt=lambda sender, receiver, message: receiver == "spared")
     drawn = [one("a", "b", message) for _ in range(10_000)]
     assert 800 < sum(d is None for d in drawn) < 1200
     assert 800 < sum(isinstance(d, tuple) and len(d) == 2 for d in drawn) < 1200

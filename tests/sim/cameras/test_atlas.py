@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from colony.sim.cameras.atlas import Picture, atlas_of
+from colony.sim.cameras.atlas import AtlasPicture, atlas_of
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.optics import PINHOLE
 from colony.sim.cameras.surfaces import PEOPLE, WallPicture, atlas_with, scene
@@ -21,7 +21,7 @@ FINE = 24
 """How many samples a side of a pixel the long way takes."""
 
 
-def seen(picture: Picture, *, left: float = -500.0, top: float = EYE + 300.0) -> NDArray[np.uint8]:
+def seen(picture: AtlasPicture, *, left: float = -500.0, top: float = EYE + 300.0) -> NDArray[np.uint8]:
     """A wall 2 m ahead with a picture that begins `left` to the right of straight ahead."""
     wall = [[-5000.0, DEPTH, 5000.0, DEPTH]]
     at = left + 5000.0
@@ -33,7 +33,7 @@ def seen(picture: Picture, *, left: float = -500.0, top: float = EYE + 300.0) ->
     return camera.image(np.array([[0.0, 0.0, 0.0]]), 0)
 
 
-def by_samples(picture: Picture, left: float, top: float) -> NDArray[np.float64]:
+def by_samples(picture: AtlasPicture, left: float, top: float) -> NDArray[np.float64]:
     """The same image from many samples a pixel, in parts of the light that a white wall gives."""
     focal = 120.0 / np.tan(np.radians(30.0))
     columns = (np.arange(240 * FINE) + 0.5) / FINE - 120.0
@@ -52,7 +52,7 @@ def by_samples(picture: Picture, left: float, top: float) -> NDArray[np.float64]
 
 def light() -> NDArray[np.float64]:
     """What a white wall there looks like, column by column."""
-    white = Picture(shades=np.ones((1, 1)), width_mm=6000.0, height_mm=2600.0)
+    white = AtlasPicture(shades=np.ones((1, 1)), width_mm=6000.0, height_mm=2600.0)
     row: NDArray[np.float64] = seen(white, left=-3000.0, top=2650.0)[60].astype(float)
     return row + 0.5
 
@@ -62,7 +62,7 @@ def light() -> NDArray[np.float64]:
 def test_a_pixel_is_the_mean_of_what_it_covers(texel_mm: float, left: float) -> None:
     rng = np.random.default_rng(3)
     shape = (round(HIGH / texel_mm), round(WIDE / texel_mm))
-    picture = Picture(shades=rng.random(shape), width_mm=WIDE, height_mm=HIGH)
+    picture = AtlasPicture(shades=rng.random(shape), width_mm=WIDE, height_mm=HIGH)
     expected = by_samples(picture, left, EYE + 300.0) * light()
     off = np.abs(seen(picture, left=left).astype(float) + 0.5 - expected)
     rows, columns = expected.shape
@@ -74,7 +74,7 @@ def test_a_pixel_is_the_mean_of_what_it_covers(texel_mm: float, left: float) -> 
 def test_what_a_picture_does_not_cover_is_seen() -> None:
     shades, opacity = np.full((10, 10), 1.0), np.zeros((10, 10))
     opacity[:, 5:] = 1.0
-    picture = Picture(shades=shades, opacity=opacity, width_mm=WIDE, height_mm=HIGH)
+    picture = AtlasPicture(shades=shades, opacity=opacity, width_mm=WIDE, height_mm=HIGH)
     row = seen(picture)[60]
     assert (row[:118] == 0).all()
     assert row[121:160].min() > 100
@@ -82,7 +82,7 @@ def test_what_a_picture_does_not_cover_is_seen() -> None:
 
 def test_a_picture_that_repeats_goes_on() -> None:
     shades = np.array([[0.0] * 10 + [1.0] * 10])
-    picture = Picture(shades=shades, width_mm=400.0, height_mm=2700.0, wraps=True)
+    picture = AtlasPicture(shades=shades, width_mm=400.0, height_mm=2700.0, wraps=True)
     wall = [[-5000.0, DEPTH, 5000.0, DEPTH]]
     made = scene(wall, materials=[PEOPLE], atlas=atlas_with([picture]))
     camera = Camera(made, replace(FRONT_CAMERA, optics=PINHOLE), robot_radius_mm=400.0)
@@ -95,7 +95,7 @@ def test_a_picture_that_repeats_goes_on() -> None:
 
 def test_a_wall_that_is_grazed_shows_the_mean() -> None:
     fine = np.indices((4, 2000)).sum(axis=0) % 2 * 1.0
-    picture = Picture(shades=fine, width_mm=2000.0, height_mm=2700.0, wraps=True)
+    picture = AtlasPicture(shades=fine, width_mm=2000.0, height_mm=2700.0, wraps=True)
     made = scene([[-1000.0, -5000.0, -1000.0, 60_000.0]], materials=[PEOPLE], atlas=atlas_with([picture]))
     camera = Camera(made, replace(FRONT_CAMERA, optics=PINHOLE), robot_radius_mm=400.0)
     row = camera.image(np.array([[0.0, 0.0, 0.0]]), 0)[60, 60:115].astype(float)
@@ -103,7 +103,9 @@ def test_a_wall_that_is_grazed_shows_the_mean() -> None:
 
 
 def test_an_atlas_keeps_the_numbers_of_pictures() -> None:
-    pictures = [Picture(shades=np.full((2, n), 0.5), width_mm=10.0 * n, height_mm=20.0) for n in (1, 2, 3)]
+    pictures = [
+        AtlasPicture(shades=np.full((2, n), 0.5), width_mm=10.0 * n, height_mm=20.0) for n in (1, 2, 3)
+    ]
     atlas = atlas_of(pictures)
     assert atlas.pictures[:, 1].tolist() == [1.0, 2.0, 3.0]
     assert atlas.pictures[:, 3].tolist() == [10.0] * 3

@@ -13,7 +13,7 @@ from colony.nav.maps.walls import walls_of
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.optics import PINHOLE, Optics
 from colony.sim.cameras.scene import scene_of
-from colony.sim.cameras.surfaces import CEILING_MM, PERSON_WIDTH_MM, Panel, Scene, scene
+from colony.sim.cameras.surfaces import CEILING_MM, PERSON_WIDTH_MM, RenderedScene, WallPanel, scene
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
 from colony.sim.world.world import Speed, World
 from tests.buildings import HALLWAY
@@ -30,7 +30,7 @@ FOCAL = 120.0 / math.tan(math.radians(30.0))
 
 
 def see(
-    made: Scene, *poses: tuple[float, float, float], robot: int = 0, **options: float
+    made: RenderedScene, *poses: tuple[float, float, float], robot: int = 0, **options: float
 ) -> NDArray[np.uint8]:
     camera = Camera(made, replace(FRONT_CAMERA, optics=PINHOLE, **options), robot_radius_mm=400.0)  # type: ignore[arg-type]
     return camera.image(np.array(poses), robot)
@@ -57,7 +57,7 @@ def test_a_wall_ends_where_projection_says() -> None:
 
 
 def test_panels_are_where_projection_says() -> None:
-    made = scene(ROOM, [Panel(1, 2000.0, 3000.0, 0.0, 2000.0, 0.1)])
+    made = scene(ROOM, [WallPanel(1, 2000.0, 3000.0, 0.0, 2000.0, 0.1)])
     image = see(made, (0.0, -2000.0, 0.0))
     dark = image[60] < 60
     assert dark.sum() == round(1000.0 / 5000.0 * FOCAL)
@@ -66,7 +66,7 @@ def test_panels_are_where_projection_says() -> None:
 
 
 def test_the_left_wall_is_on_the_left_and_yaw_counts_counterclockwise() -> None:
-    made = scene(ROOM, [Panel(0, 0.0, 6000.0, 0.0, CEILING_MM, 0.0)])  # the west wall is black
+    made = scene(ROOM, [WallPanel(0, 0.0, 6000.0, 0.0, CEILING_MM, 0.0)])  # the west wall is black
     ahead = see(made, (0.0, 0.0, 0.0), view_deg=120.0)
     assert (ahead[60, :20] == 0).all()
     assert (ahead[60, 120:] > 0).all()
@@ -207,7 +207,7 @@ def width_of_edge(image: NDArray[np.uint8]) -> float:
 
 
 def test_what_moves_past_is_smeared_by_how_far_it_moves_during_the_exposure() -> None:
-    made = scene(ROOM, [Panel(0, 0.0, 3000.0, 0.0, CEILING_MM, 0.0)])  # the south half of the west wall
+    made = scene(ROOM, [WallPanel(0, 0.0, 3000.0, 0.0, CEILING_MM, 0.0)])  # the south half of the west wall
     camera = Camera(
         made, replace(FRONT_CAMERA, yaw_deg=90.0, optics=Optics(noise=0.0)), robot_radius_mm=400.0
     )
@@ -221,7 +221,7 @@ def test_what_moves_past_is_smeared_by_how_far_it_moves_during_the_exposure() ->
 
 
 def test_edges_move_by_less_than_a_pixel() -> None:
-    made = scene(ROOM, [Panel(0, 0.0, 3000.0, 0.0, CEILING_MM, 0.0)])
+    made = scene(ROOM, [WallPanel(0, 0.0, 3000.0, 0.0, CEILING_MM, 0.0)])
     camera = Camera(
         made, replace(FRONT_CAMERA, yaw_deg=90.0, optics=Optics(noise=0.0)), robot_radius_mm=400.0
     )

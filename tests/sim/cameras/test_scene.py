@@ -13,10 +13,10 @@ from colony.nav.maps.stickrep.model import EdgeKind, Map
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.nav.maps.walls import walls_of
 from colony.sim.cameras import textures
-from colony.sim.cameras.atlas import Picture, posters
+from colony.sim.cameras.atlas import AtlasPicture, posters
 from colony.sim.cameras.camera import Camera
 from colony.sim.cameras.scene import scene_of
-from colony.sim.cameras.surfaces import CEILING_MM, PEOPLE, Panel, lighting_of, scene
+from colony.sim.cameras.surfaces import CEILING_MM, PEOPLE, WallPanel, lighting_of, scene
 from colony.sim.hazards.hazards import Hazards, draw
 from colony.sim.hazards.scenery import CeilingLight
 from colony.text.source import Source
@@ -59,10 +59,10 @@ def room_of(remark: str) -> Map:
 def test_panels_lie_by_their_walls_in_the_order_given() -> None:
     walls = [[0.0, 0.0, 1000.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 500.0]]
     panels = [
-        Panel(2, 0.0, 500.0, 0.0, 100.0, 0.1),
-        Panel(0, 0.0, 1000.0, 0.0, 100.0, 0.2),
-        Panel(1, 0.0, 1.0, 0.0, 1.0, 0.9),
-        Panel(2, 100.0, 200.0, 0.0, 100.0, 0.3),
+        WallPanel(2, 0.0, 500.0, 0.0, 100.0, 0.1),
+        WallPanel(0, 0.0, 1000.0, 0.0, 100.0, 0.2),
+        WallPanel(1, 0.0, 1.0, 0.0, 1.0, 0.9),
+        WallPanel(2, 100.0, 200.0, 0.0, 100.0, 0.3),
     ]
     made = scene(walls, panels, ceiling_mm=3000)
     assert len(made.walls) == 2  # what has no length is not seen
@@ -106,7 +106,7 @@ def test_doors_of_a_map_have_a_leaf_in_a_frame() -> None:
         ("", textures.plaster),
     ],
 )
-def test_a_remark_says_what_a_wall_is_made_of(remark: str, cover: Callable[[float], Picture]) -> None:
+def test_a_remark_says_what_a_wall_is_made_of(remark: str, cover: Callable[[float], AtlasPicture]) -> None:
     made = scene_of(room_of(remark))
     number = int(made.materials[0])
     expected = cover(CEILING_MM)

@@ -13,8 +13,8 @@ from colony.body.servers import servers_of
 from colony.ir.types import Value
 from colony.sim.config import config_of
 from colony.sim.devices import devices_of
-from colony.sim.given import Given, nothing_given
 from colony.sim.hazards.scenery import Scenery
+from colony.sim.mechanism import Given, nothing_given
 from colony.sim.world.world import World
 
 CHASSIS = """

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.sim.hazards.scenery import Person, Track, bare_scenery
+from colony.sim.hazards.scenery import CorridorTrack, Person, bare_scenery
 from tests.sim.devices.stage import Stage
 
 SIDES = ["-20 deg .. 20 deg", "20 deg .. 90 deg", "90 deg .. -90 deg", "-90 deg .. -20 deg"]
@@ -67,7 +67,7 @@ def test_robots_press_each_other_where_they_touch() -> None:
 
 
 def test_people_and_glass_press_it() -> None:
-    track = Track(x_mm=0.0, y_mm=3000.0, heading_deg=0.0, length_mm=10.0, half_width_mm=400.0)
+    track = CorridorTrack(x_mm=0.0, y_mm=3000.0, heading_deg=0.0, length_mm=10.0, half_width_mm=400.0)
     person = Person(track=track, along_mm=0.0, offset_mm=0.0, forward=True, speed_mm_s=0.0)
     scenery = bare_scenery(np.array([wall_at(90.0, 0.0)]))
     scenery = replace(scenery, silent=np.array([True]), people=(person,))

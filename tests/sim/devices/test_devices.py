@@ -13,7 +13,7 @@ from colony.ir.types import Value
 from colony.sim.config import config_of
 from colony.sim.devices import devices_of
 from colony.sim.devices.sensors import is_inside
-from colony.sim.given import nothing_given
+from colony.sim.mechanism import nothing_given
 from colony.sim.world.world import World
 from colony.text.units import parse_unit
 from tests.sim.devices.stage import Stage

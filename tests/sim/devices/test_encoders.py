@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.sim.hazards.scenery import Joint, Slip, bare_scenery
+from colony.sim.hazards.scenery import ExpansionJoint, WheelSlip, bare_scenery
 from tests.sim.devices.stage import CHASSIS, MECANUM, Stage
 
 EXACT = """
@@ -90,8 +90,8 @@ def test_a_robot_that_is_carried_rolls_nothing() -> None:
 
 
 def test_wheels_that_spin_on_a_joint_roll_on() -> None:
-    joint = Joint(x0_mm=-2000.0, y0_mm=500.0, x1_mm=2000.0, y1_mm=500.0)
-    slip = Slip(probability=1.0, turn_deg=0.0, min_mm=60.0, max_mm=60.0)
+    joint = ExpansionJoint(x0_mm=-2000.0, y0_mm=500.0, x1_mm=2000.0, y1_mm=500.0)
+    slip = WheelSlip(probability=1.0, turn_deg=0.0, min_mm=60.0, max_mm=60.0)
     scenery = replace(bare_scenery(np.empty((0, 4))), joints=(joint,), slip=slip)
     stage = Stage(EXACT, walls=scenery)
     stage.drive(2.0, 500.0)

@@ -9,7 +9,7 @@ from itertools import groupby
 import numpy as np
 import pytest
 
-from colony.body.model import Faults
+from colony.body.model import DeviceFaults
 from colony.body.reader import body_of_text
 from colony.runtime.servers.drivers import Drivers
 from colony.runtime.transport.virtual import VirtualClock
@@ -36,7 +36,7 @@ FROZEN = '{ frozen = "30 percent", lasting = "2 s" }'
 
 def timeline(missing: float, frozen: float, seed: int, hours: float = 2.0) -> list[Fault | None]:
     """The faults of a device at the end of each step of a tenth of a second."""
-    faults = FaultTimeline(Faults(missing=missing, frozen=frozen, lasting_s=2.0), seed)
+    faults = FaultTimeline(DeviceFaults(missing=missing, frozen=frozen, lasting_s=2.0), seed)
     return [faults.at(i * 100_000_000) for i in range(round(hours * 36_000))]
 
 
@@ -59,7 +59,7 @@ def test_faults_last_about_as_long_as_they_should() -> None:
 
 def test_faults_depend_on_the_seed_and_the_time_alone() -> None:
     assert timeline(0.1, 0.1, 3, 0.1) == timeline(0.1, 0.1, 3, 0.1) != timeline(0.1, 0.1, 4, 0.1)
-    once = FaultTimeline(Faults(missing=0.1, frozen=0.1, lasting_s=2.0), 3)
+    once = FaultTimeline(DeviceFaults(missing=0.1, frozen=0.1, lasting_s=2.0), 3)
     assert once.at(3500 * 100_000_000) == timeline(0.1, 0.1, 3, 0.1)[3500]
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from colony.nav.maps.walls import walls_of
 from colony.sim.devices.beams import normal_quantiles
-from colony.sim.hazards.scenery import Person, Track, bare_scenery
+from colony.sim.hazards.scenery import CorridorTrack, Person, bare_scenery
 from colony.sim.world.world import World
 from tests.buildings import LOOP
 from tests.sim.devices.stage import Stage
@@ -147,7 +147,7 @@ def test_beams_along_a_wall_and_into_its_corners_end_there() -> None:
 
 @pytest.mark.parametrize("heading", [0.0, 77.0])
 def test_people_are_seen_and_glass_is_not(heading: float) -> None:
-    track = Track(x_mm=0.0, y_mm=3000.0, heading_deg=0.0, length_mm=10.0, half_width_mm=400.0)
+    track = CorridorTrack(x_mm=0.0, y_mm=3000.0, heading_deg=0.0, length_mm=10.0, half_width_mm=400.0)
     person = Person(track=track, along_mm=0.0, offset_mm=0.0, forward=True, speed_mm_s=0.0)
     walls = np.array([[-9000.0, 2000.0, 9000.0, 2000.0], [-9000.0, 4000.0, 9000.0, 4000.0]])
     scenery = replace(bare_scenery(walls), silent=np.array([True, False]), people=(person,))

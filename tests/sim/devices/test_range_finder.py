@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from colony.sim.hazards.scenery import Person, Track, bare_scenery
+from colony.sim.hazards.scenery import CorridorTrack, Person, bare_scenery
 from tests.sim.devices.stage import Stage
 from tests.sim.devices.test_lidar import HULL_MM, Pose, Wall, cast, free_poses, place_of
 
@@ -56,7 +56,7 @@ def test_a_cone_sees_what_is_beside_a_ray() -> None:
 
 
 def test_people_and_robots_are_seen_and_glass_is_not() -> None:
-    track = Track(x_mm=0.0, y_mm=3000.0, heading_deg=0.0, length_mm=10.0, half_width_mm=400.0)
+    track = CorridorTrack(x_mm=0.0, y_mm=3000.0, heading_deg=0.0, length_mm=10.0, half_width_mm=400.0)
     person = Person(track=track, along_mm=0.0, offset_mm=0.0, forward=True, speed_mm_s=0.0)
     walls = np.array([[-9000.0, 2000.0, 9000.0, 2000.0], [-9000.0, -4000.0, 9000.0, -4000.0]])
     scenery = replace(bare_scenery(walls), silent=np.array([True, False]), people=(person,))

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from colony.sim.hazards.scenery import Person, Track, bare_scenery
+from colony.sim.hazards.scenery import CorridorTrack, Person, bare_scenery
 from tests.paths import ROOT
 from tests.sim.devices.stage import Stage
 
@@ -85,7 +85,7 @@ SENSORS: dict[str, Read] = {
 def world_with(thing: str) -> dict[str, Any]:
     """The arguments of a stage on which this stands ahead of the robot, "" for nothing."""
     empty = bare_scenery(np.empty((0, 4)))
-    track = Track(x_mm=0.0, y_mm=AWAY, heading_deg=0.0, length_mm=10.0, half_width_mm=260.0)
+    track = CorridorTrack(x_mm=0.0, y_mm=AWAY, heading_deg=0.0, length_mm=10.0, half_width_mm=260.0)
     person = Person(track=track, along_mm=0.0, offset_mm=0.0, forward=True, speed_mm_s=0.0)
     hole = [(-200.0, AWAY - 200.0), (200.0, AWAY - 200.0), (200.0, AWAY + 200.0), (-200.0, AWAY + 200.0)]
     scenes: dict[str, dict[str, Any]] = {

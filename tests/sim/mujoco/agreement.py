@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.body.devices import Lidar
+from colony.body.devices import LidarSpec
 from colony.body.model import Body
 from colony.body.servers import servers_of
 from colony.body.shipped import shipped_body
@@ -22,7 +22,7 @@ from colony.nav.maps.stickrep.reader import load_map
 from colony.nav.maps.walls import walls_of
 from colony.sim.config import config_of, without_errors
 from colony.sim.devices import devices_of
-from colony.sim.given import nothing_given
+from colony.sim.mechanism import nothing_given
 from colony.sim.mujoco.world import MujocoWorld
 from colony.sim.physics import Physics
 from colony.sim.world.world import World
@@ -41,7 +41,7 @@ def exact_amr() -> Body:
     """The body of amr, whose lidar has neither noise nor dropouts."""
     body = shipped_body("amr")
     server = body.servers["Lidar"]
-    assert isinstance(server.simulated, Lidar)
+    assert isinstance(server.simulated, LidarSpec)
     lidar = replace(server.simulated, noise_mm=0.0, dropouts=0.0)
     return replace(body, servers={**body.servers, "Lidar": replace(server, simulated=lidar)})
 

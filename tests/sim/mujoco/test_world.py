@@ -19,11 +19,11 @@ from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.config import config_of
 from colony.sim.devices import devices_of
 from colony.sim.drivers import Plant, simulated_drivers
-from colony.sim.given import nothing_given
+from colony.sim.mechanism import nothing_given
 from colony.sim.mujoco.model import TIRE_FRICTION, build_of, mjcf
 from colony.sim.mujoco.world import MujocoWorld
 from colony.sim.timeline import MAX_STEP_S
-from colony.sim.world.world import Bumper, Speed, World
+from colony.sim.world.world import PressedBumpers, Speed, World
 from tests.sim.devices.stage import body_with
 
 S = 1_000_000_000
@@ -48,7 +48,7 @@ def test_it_stands_still_until_its_first_command() -> None:
     advance(world, 2.0)
     assert tuple(world.true_pose(0)) == pytest.approx(POINTS_NORTH, abs=0.01)
     assert (world.speed(0), world.wheel_speed(0), world.distance(0)) == (Speed(0.0, 0.0), 0.0, 0.0)
-    assert world.bumper(0) == Bumper(front=False, rear=False)
+    assert world.bumper(0) == PressedBumpers(front=False, rear=False)
 
 
 def test_only_friction_moves_it() -> None:
@@ -117,9 +117,9 @@ def test_commands_are_limited() -> None:
 
 
 @pytest.mark.parametrize(
-    ("velocity", "bumper"), [(400.0, Bumper(True, False)), (-400.0, Bumper(False, True))]
+    ("velocity", "bumper"), [(400.0, PressedBumpers(True, False)), (-400.0, PressedBumpers(False, True))]
 )
-def test_a_wall_presses_the_bumper_and_stalls_the_wheels(velocity: float, bumper: Bumper) -> None:
+def test_a_wall_presses_the_bumper_and_stalls_the_wheels(velocity: float, bumper: PressedBumpers) -> None:
     wall = AHEAD if velocity > 0.0 else -AHEAD
     world = world_of(walls=wall)
     world.command(0, velocity, 0.0)
@@ -131,7 +131,7 @@ def test_a_wall_presses_the_bumper_and_stalls_the_wheels(velocity: float, bumper
     assert abs(world.speed(0).velocity_mm_s) < 1.0
     world.command(0, -velocity, 0.0)
     advance(world, 1.0)
-    assert world.bumper(0) == Bumper(front=False, rear=False)
+    assert world.bumper(0) == PressedBumpers(front=False, rear=False)
 
 
 def test_the_errors_of_the_odometry_are_those_of_ours() -> None:

@@ -1,4 +1,4 @@
-"""A plant in a process of its own: `python -m tests.sim.plant.child SOCKET MAP ROBOTS BODY [LOGICAL_NS]`.
+"""A plant in a process of its own: `python -m tests.sim.plant.child SOCKET MAP ROBOTS BODY`.
 
 ROBOTS is a JSON object of poses by name, BODY the name of a robot that comes with colony; RoME has no errors
 here. It says "ready" and serves until its input ends.
@@ -19,7 +19,7 @@ from colony.sim.plant.process import serve_plant
 from tests.sim.robots import FRONT_CAMERA, IDEAL
 
 
-def main(path: str, building: str, robots: str, body: str, logical_ns: str | None = None) -> None:
+def main(path: str, building: str, robots: str, body: str) -> None:
     options = PlantOptions(
         path=Path(path),
         world=load_world(building),
@@ -27,7 +27,6 @@ def main(path: str, building: str, robots: str, body: str, logical_ns: str | Non
         cameras={"ahead": FRONT_CAMERA, "left": replace(FRONT_CAMERA, yaw_deg=90.0)},
         body=shipped_body(body),
         config=IDEAL if body == "rome" else None,
-        logical_ns=None if logical_ns is None else int(logical_ns),
     )
     ended = threading.Event()
     threading.Thread(target=lambda: (sys.stdin.read(), ended.set()), daemon=True).start()

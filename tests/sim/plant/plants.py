@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -32,10 +33,14 @@ def wait_for(what: Callable[[], T | None]) -> T:
 
 
 @contextmanager
-def controlled(given: PlantOptions) -> Iterator[PlantControl]:
+def controlled(
+    given: PlantOptions, *, clock: Callable[[], int] = time.monotonic_ns
+) -> Iterator[PlantControl]:
     """A plant in a thread, and a connection that controls it."""
     ready, ended = threading.Event(), threading.Event()
-    thread = threading.Thread(target=lambda: serve_plant(given, stop=ended.is_set, ready=ready.set))
+    thread = threading.Thread(
+        target=lambda: serve_plant(given, stop=ended.is_set, ready=ready.set, clock=clock)
+    )
     thread.start()
     try:
         assert ready.wait(PATIENCE_S)
@@ -53,7 +58,6 @@ class PlantProcess:
         path: of its socket.
         robots: by name, where each begins.
         body: the name of the robot whose body they have.
-        logical_ns: as in `PlantOptions`.
         building: the path of the map, the hallway by default.
     """
 
@@ -63,12 +67,10 @@ class PlantProcess:
         robots: Mapping[str, tuple[float, float, float]],
         *,
         body: str = "rome",
-        logical_ns: int | None = None,
         building: Path = MAPS / "hallway.stickrep",
     ) -> None:
         self.path = path
-        logical = [] if logical_ns is None else [str(logical_ns)]
-        options = [str(path), str(building), json.dumps(robots), body, *logical]
+        options = [str(path), str(building), json.dumps(robots), body]
         self._command = [sys.executable, "-m", "tests.sim.plant.child", *options]
         self.process = self._start()
 

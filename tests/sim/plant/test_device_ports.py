@@ -11,10 +11,12 @@ from pathlib import Path
 
 import pytest
 
+from colony.body.shipped import shipped_body
+from colony.nav.maps.world_map import load_world
 from colony.runtime.servers.drivers import Reading
+from colony.sim.plant.assembly import PlantOptions, assembled_devices
 from colony.sim.plant.control import PlantControl
 from colony.sim.plant.protocol import (
-    AttachBase,
     AttachDevice,
     Attached,
     AttachProximity,
@@ -23,7 +25,7 @@ from colony.sim.plant.protocol import (
     DriveBase,
     FieldReading,
     Give,
-    Safe,
+    MakeSafe,
     pack,
 )
 from colony.sim.plant.servers import MAX_READING_AGE_NS, RemoteDevice
@@ -111,25 +113,32 @@ def test_a_field_reads_what_is_given_until_the_connection_ends(plant: PlantProce
 
 
 def test_a_field_reads_what_is_given_from_its_time_on(tmp_path: Path) -> None:
-    frame = 50 * MS
-    with (
-        PlantProcess(tmp_path / "plant", {"amr": START}, body="amr", logical_ns=frame) as plant,
-        PlantControl(plant.path) as control,
-        closing(RemoteDevice(plant.path, "amr", "Lidar")) as lidar,
-        closing(RemoteDevice(plant.path, "amr", "Panel")) as panel,
+    step, scan = 50 * MS, tuple(float(i) for i in range(360))
+    amr = PlantOptions(
+        path=tmp_path / "plant",
+        world=load_world(MAPS / "hallway.stickrep"),
+        robots={"amr": START},
+        body=shipped_body("amr"),
+        step_ns=step,
+    )
+    devices = assembled_devices(amr, lambda: 7)
+    for server, name, wanted, steps in (
+        ("Panel", "estop", True, 2),
+        ("Panel", "estop", False, 3),
+        ("Lidar", "scan", scan, 1),
     ):
-        wait_for(panel.fields)
-        wait_for(lidar.fields)
-        now_ns = control.truth("amr").t_ns
-        scan = tuple(float(i) for i in range(360))
-        control.give("amr", "Panel", "estop", True, t_ns=now_ns + 2 * frame)
-        control.give("amr", "Panel", "estop", False, t_ns=now_ns + 3 * frame)
-        control.give("amr", "Lidar", "scan", scan, t_ns=now_ns + frame)
-        pressed, given = [value(panel, "estop")], [value(lidar, "scan") == scan]
-        for _ in range(4):
-            control.advance(frame)
-            pressed.append(value(panel, "estop"))
-            given.append(value(lidar, "scan") == scan)
+        devices.give(None, 0, server, name, 7 + steps * step, wanted)
+
+    def read(server: str, name: str) -> object:
+        reading = devices.device(0, server)[name]
+        assert reading is not None
+        return reading.value
+
+    pressed, given = [], []
+    for k in range(5):
+        devices.advance(7 + k * step)
+        pressed.append(read("Panel", "estop"))
+        given.append(read("Lidar", "scan") == scan)
     assert pressed == [False, False, True, False, False]
     assert given == [False, True, True, True, True]
 
@@ -153,25 +162,25 @@ def test_what_cannot_be_given_is_refused(
 
 NONSENSE = [
     (
-        pack(AttachDevice(robot="amr", server="Lidr")),
+        [pack(AttachDevice(robot="amr", server="Lidr"))],
         "the robot has no device of `Lidr`; it has Lidar, Floor",
     ),
-    (pack(AttachProximity(robot="amr")), "the robot has no ring of sonars"),
-    (LIFT + pack(DeviceCommand(name="fly", values={})), "a joint has no command `fly`"),
-    (LIFT + pack(DeviceCommand(name="move", values={"position": float("nan")})), "expected finite"),
-    (LIFT + pack(DeviceCommand(name="move", values={"position": 7.0})), "position 7; expected a number"),
-    (LIFT + pack(DriveBase(velocity=1.0, turn=0.0)), "DriveBase is not allowed on this connection"),
+    ([pack(AttachProximity(robot="amr"))], "the robot has no ring of sonars"),
+    ([LIFT, pack(DeviceCommand(name="fly", values={}))], "a joint has no command `fly`"),
+    ([LIFT, pack(DeviceCommand(name="move", values={"position": float("nan")}))], "expected finite"),
+    ([LIFT, pack(DeviceCommand(name="move", values={"position": 7.0}))], "position 7; expected a number"),
+    ([LIFT, pack(DriveBase(velocity=1.0, turn=0.0))], "DriveBase is not allowed on this connection"),
     (
-        LIFT + pack(Give(robot="amr", server="Lift", field="load", t_ns=0, value=1.0)),
+        [LIFT, pack(Give(robot="amr", server="Lift", field="load", t_ns=0, value=1.0))],
         "Give is not allowed on this connection",
     ),
-    (pack(Safe()), "Safe is not allowed on this connection"),
+    ([pack(MakeSafe())], "MakeSafe is not allowed on this connection"),
 ]
 
 
 @pytest.mark.parametrize(("said", "problem"), NONSENSE)
-def test_what_makes_no_sense_is_refused(plant: PlantProcess, said: bytes, problem: str) -> None:
-    assert problem in Line(plant.path, said).refusal()
+def test_what_makes_no_sense_is_refused(plant: PlantProcess, said: list[bytes], problem: str) -> None:
+    assert problem in Line(plant.path, *said).refusal()
 
 
 def test_without_a_plant_there_is_no_value_and_a_command_fails(tmp_path: Path) -> None:
@@ -193,7 +202,7 @@ def test_without_a_plant_there_is_no_value_and_a_command_fails(tmp_path: Path) -
 def test_readings_age_apart_from_the_reports_of_the_plant(tmp_path: Path) -> None:
     """A plant that reports in time what it measured long ago, and one that falls silent."""
     path, now = tmp_path / "plant", [time.monotonic_ns()]
-    with socket.socket(socket.AF_UNIX) as listener:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
         listener.bind(os.fspath(path))
         listener.listen()
         driver = RemoteDevice(path, "amr", "Lift", clock=lambda: now[0])
@@ -203,7 +212,8 @@ def test_readings_age_apart_from_the_reports_of_the_plant(tmp_path: Path) -> Non
             "future": FieldReading(2.0, now[0] + 5 * MS),
             "none": None,
         }
-        connection.sendall(pack(Attached(logical=False)) + pack(DeviceReading(value=fields, t_ns=now[0])))
+        for message in (Attached(began_ns=1), DeviceReading(value=fields, t_ns=now[0])):
+            connection.send(pack(message))
         expected = {"old": Reading(1.0, 900 * MS), "future": Reading(2.0, -5 * MS), "none": None}
         assert wait_for(driver.fields) == expected  # its server refuses what is from the future
         now[0] += MAX_READING_AGE_NS
@@ -212,23 +222,6 @@ def test_readings_age_apart_from_the_reports_of_the_plant(tmp_path: Path) -> Non
         assert driver.fields() == {}
         connection.close()
         driver.close()
-
-
-def test_in_logical_time_a_device_is_as_old_as_the_frames_since(tmp_path: Path) -> None:
-    frame = 50 * MS
-    with PlantProcess(tmp_path / "plant", {"amr": START}, body="amr", logical_ns=frame) as plant:
-        base = Line(plant.path, pack(AttachBase(robot="amr")))
-        assert isinstance(base.hear(), Attached)
-        with closing(RemoteDevice(plant.path, "amr", "Lidar")) as lidar:
-            wait_for(lidar.fields)
-            ages = []
-            for number in range(1, 5):
-                scan = found(lidar, "scan")
-                ages.append(scan.age_ns)
-                base.sock.sendall(pack(DriveBase(velocity=0.0, turn=0.0, number=number)))
-                base.hear()
-        base.close()
-    assert ages == [0, frame, 0, frame]  # a scan is new every 100 ms
 
 
 def test_holes_and_docks_of_the_map_are_those_of_the_plant(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from colony.sim.plant.elevators import RemoteElevators
 from colony.sim.plant.protocol import Truth
 from colony.sim.world.elevators import CABIN_DEPTH_MM, SLIDE_S, Cabin, cabin_of
 from colony.sim.world.operator import DELAY_S, POLL_INTERVAL_S, RIDE_S, STANDSTILL_S, operator
+from colony.sim.world_spec import WorldSpec
 from tests.buildings import HALLWAY
 from tests.kit.script_stage import RobotStage
 from tests.nav.floors import two_floors
@@ -43,38 +44,48 @@ def inside(cabin: Cabin) -> Pose:
 
 def options(building: Building, path: Path, pose: Pose, *floors: str) -> PlantOptions:
     return PlantOptions(
-        path=path / "p" / "plant",
+        path=path / "plant",
         world=world_of(building.map_named(floors[0])),
         building=building,
-        floors=floors,
+        spec=WorldSpec(floors=floors),
         robots={"rome": pose},
         cameras={"ahead": FRONT_CAMERA, "up": UP_CAMERA},
         config=IDEAL,
-        logical_ns=STEP_NS,
+        step_ns=STEP_NS,
     )
 
 
-def wait(control: PlantControl, seconds: float) -> None:
-    for _ in range(round(seconds * 1e9 / STEP_NS)):
-        control.advance(STEP_NS)
+class Time:
+    """The clock of a plant, which a test advances step by step. Mutable."""
+
+    now_ns = 0
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+    def wait(self, control: PlantControl, seconds: float) -> None:
+        for _ in range(round(seconds * 1e9 / STEP_NS)):
+            self.now_ns += STEP_NS
+            while control.truth("rome").t_ns < self.now_ns:
+                pass
 
 
 def test_doors_slide_and_a_ride_behind_shut_doors_takes_the_robot_to_the_other_floor(tmp_path: Path) -> None:
     building = two_floors(tmp_path)
     ground, upper = (cabin_of(floor, DOORS) for floor in building.maps)
-    given = options(building, tmp_path, before(ground), "ground", "upper")
-    with controlled(given) as control:
+    given, time = options(building, tmp_path, before(ground), "ground", "upper"), Time()
+    with controlled(given, clock=time) as control:
         assert (control.truth("rome").floor, control.opening(DOORS)) == ("ground", 0.0)
         control.move_doors(DOORS, is_opening=True)
-        wait(control, SLIDE_S / 2)
+        time.wait(control, SLIDE_S / 2)
         assert control.opening(DOORS) == pytest.approx(0.5)
-        wait(control, SLIDE_S / 2)
+        time.wait(control, SLIDE_S / 2)
         assert control.opening(DOORS) == pytest.approx(1.0)
         control.place("rome", *inside(ground))
         with pytest.raises(ValueError, match=f"the doors at `{DOORS}` are open; close them"):
             control.ride(DOORS, "upper")
         control.move_doors(DOORS, is_opening=False)
-        wait(control, SLIDE_S + STEP_NS / 1e9)
+        time.wait(control, SLIDE_S + STEP_NS / 1e9)
         with pytest.raises(ValueError, match="does not lead to `roof`"):
             control.ride(DOORS, "roof")
         assert control.ride(DOORS, "upper") == DOORS
@@ -87,11 +98,7 @@ def test_doors_slide_and_a_ride_behind_shut_doors_takes_the_robot_to_the_other_f
 
 def test_a_plant_of_one_map_has_no_elevators(tmp_path: Path) -> None:
     alone = PlantOptions(
-        path=tmp_path / "p" / "plant",
-        world=world_of(HALLWAY),
-        robots={"rome": START},
-        config=IDEAL,
-        logical_ns=STEP_NS,
+        path=tmp_path / "plant", world=world_of(HALLWAY), robots={"rome": START}, config=IDEAL
     )
     with controlled(alone) as control:
         assert control.truth("rome").floor == HALLWAY.name
@@ -114,11 +121,11 @@ def test_cameras_see_the_floor_on_which_the_robot_is(tmp_path: Path) -> None:
         if ride:
             devices.elevators.open(DOORS)
             for _ in range(round(SLIDE_S * 1e9 / STEP_NS) + 1):
-                devices.pass_time(STEP_NS)
+                devices.advance(devices.time_ns + STEP_NS)
             devices.place(0, *there)
             devices.elevators.close(DOORS)
             for _ in range(round(SLIDE_S * 1e9 / STEP_NS) + 1):
-                devices.pass_time(STEP_NS)
+                devices.advance(devices.time_ns + STEP_NS)
             devices.elevators.ride(DOORS, floors[1])
         devices.place(0, *place)
         return devices.image(0, "ahead")
@@ -134,8 +141,8 @@ def pixels(image: Image) -> np.ndarray:
 class Outside:
     """An operator who reaches the elevators over the plant's socket. Mutable: all of it."""
 
-    def __init__(self, control: PlantControl, building: Building) -> None:
-        self._control = control
+    def __init__(self, control: PlantControl, building: Building, time: Time) -> None:
+        self._control, self._time = control, time
         elevators = RemoteElevators(control, "rome", building, IDEAL.radius_mm)
         self.stage = RobotStage(operator=operator(elevators, seed=1))
 
@@ -143,16 +150,16 @@ class Outside:
         end_ns = self.stage.now_ns + round(most_s * 1e9)
         while not condition(self._control.truth("rome")):
             assert self.stage.now_ns < end_ns, f"in vain for {most_s} s"
-            self.stage.run(0.05, lambda: self._control.advance(STEP_NS))
+            self.stage.run(0.05, lambda: self._time.wait(self._control, 0.05))
 
 
 def test_an_operator_in_another_process_presses_the_buttons_and_says_when_the_robot_has_arrived(
     tmp_path: Path,
 ) -> None:
-    building = two_floors(tmp_path)
+    building, time = two_floors(tmp_path), Time()
     ground, upper = (cabin_of(floor, DOORS) for floor in building.maps)
-    with controlled(options(building, tmp_path, before(ground), "ground", "upper")) as control:
-        hall = Outside(control, building)
+    with controlled(options(building, tmp_path, before(ground), "ground", "upper"), clock=time) as control:
+        hall = Outside(control, building, time)
         hall.stage.tell(ELEVATOR_CALL, [DOORS, "ground", "upper"])
         hall.until(lambda _: control.opening(DOORS) == 1.0, DELAY_S[1] + NOTICED_S + SLIDE_S)
         control.place("rome", *inside(ground))

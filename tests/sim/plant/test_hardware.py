@@ -112,8 +112,7 @@ def test_readings_are_of_the_present_step() -> None:
         AttachProximity(robot="robot0"),
         AttachCamera(robot="robot0", camera="ahead"),
     )
-    readings = [reading(port, one, number) for number, port in enumerate(ports, 3)]
-    assert [r.number for r in readings] == [3, 4, 5]
+    readings = [reading(port, one) for port in ports]
     assert [r.value for r in readings] == [base, rings, image]
     assert {r.t_ns for r in readings} == {7 + 500 * MS}
     assert (base.x, base.y, base.heading) == pytest.approx((truth.x, truth.y, truth.heading))
@@ -160,15 +159,6 @@ def test_names_are_told_where_they_are_wrong() -> None:
     for step_ns in (0, -1, 10 * S):
         with pytest.raises(ValueError, match="steps of"):
             devices(step_ns=step_ns)
-
-
-def test_logical_time_passes_by_itself_only_when_told() -> None:
-    one = devices()
-    one.pass_time(50 * MS)
-    assert one.time_ns == 7 + 50 * MS
-    for dt_ns in (0, -5, 3600 * S):
-        with pytest.raises(ValueError, match="cannot advance"):
-            one.pass_time(dt_ns)
 
 
 def test_a_camera_looks_up_from_where_its_robot_is() -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from colony.body.model import Server
+from colony.body.model import ServerTable
 from colony.body.servers import servers_of
 from colony.body.shipped import shipped_body
 from colony.ir.servers import FieldSpec, ServerSpec
@@ -22,7 +22,7 @@ from colony.nav.maps.world_map import load_world, world_of
 from colony.sim.hazards.hazards import Hazards
 from colony.sim.plant.assembly import PlantOptions, populated_scenery
 from colony.sim.plant.control import PlantControl
-from colony.sim.plant.process import PlantInUseError, serve_plant
+from colony.sim.plant.process import serve_plant
 from colony.sim.plant.protocol import (
     MAX_BYTES_FROM_PLANT,
     MAX_BYTES_TO_PLANT,
@@ -40,12 +40,12 @@ from colony.sim.plant.protocol import (
     ProximityReading,
     Refusal,
     Truth,
-    Unpacker,
     pack,
     read_from_plant,
 )
 from colony.sim.plant.servers import RemoteDevice
 from colony.sim.world.movers import movers
+from colony.sim.world_spec import WorldSpec
 from tests.buildings import HALLWAY
 from tests.paths import MAPS
 from tests.sim.plant.plants import OTHER, START, PlantProcess, controlled, wait_for
@@ -56,25 +56,19 @@ class Line:
     """A raw connection to the plant."""
 
     def __init__(self, path: Path, *said: bytes) -> None:
-        self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.sock = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self.sock.settimeout(PATIENCE_S)
         self.sock.connect(os.fspath(path))
-        self._unpacker = Unpacker(MAX_BYTES_FROM_PLANT)
-        self._heard: list[FromPlant] = []
-        for data in said:
-            self.sock.sendall(data)
+        for packet in said:
+            self.sock.send(packet)
 
     def hear(self) -> FromPlant | None:
         """The next message; None at the end."""
-        while not self._heard:
-            try:
-                data = self.sock.recv(65536)
-            except ConnectionResetError:
-                data = b""
-            if not data:
-                return None
-            self._heard += map(read_from_plant, self._unpacker.feed(data))
-        return self._heard.pop(0)
+        try:
+            packet = self.sock.recv(MAX_BYTES_FROM_PLANT)
+        except ConnectionResetError:
+            packet = self.sock.recv(MAX_BYTES_FROM_PLANT)
+        return read_from_plant(packet) if packet else None
 
     def refusal(self) -> str:
         """Wait until it is refused, which ends it; return why."""
@@ -135,7 +129,7 @@ def test_a_base_whose_connection_ends_stops(plant: PlantProcess, control: PlantC
     drive = pack(DriveBase(velocity=300.0, turn=0.0))
 
     def moves() -> bool:
-        line.sock.sendall(drive)
+        line.sock.send(drive)
         return control.truth("rome").velocity > 0.0
 
     wait_for(moves)
@@ -176,29 +170,27 @@ def test_who_drives_keeps_the_base(plant: PlantProcess, control: PlantControl) -
 @pytest.mark.parametrize(
     ("said", "found"),
     [
-        (b"\xff" * 64, "a message of 4294967295 bytes"),
-        (bytes(4), "a message of 0 bytes"),
-        ((MAX_BYTES_TO_PLANT + 1).to_bytes(4, "big"), "expected 1 to 65536"),
-        (b"\x00\x00\x00\x01\x63", "found version 99"),
-        (b"\x00\x00\x00\x03" + bytes([VERSION]) + b"\xc1\xc1", "malformed"),
-        (pack(DriveBase(velocity=1.0, turn=0.0)), "DriveBase is not allowed on this connection"),
-        (pack(AttachBase(robot="bob")), "no robot `bob`; the robots are rome, remus"),
-        (pack(AttachCamera(robot="rome", camera="up")), "no camera `up`; they have ahead, left"),
-        (pack(AttachControl()) + pack(AttachControl()), "AttachControl is not allowed on this connection"),
+        ([b"\x63"], "found version 99"),
+        ([bytes([VERSION]) + b"\xc1\xc1"], "malformed"),
+        ([pack(AttachBase(robot="r" * MAX_BYTES_TO_PLANT))], "truncated"),
+        ([pack(DriveBase(velocity=1.0, turn=0.0))], "DriveBase is not allowed on this connection"),
+        ([pack(AttachBase(robot="bob"))], "no robot `bob`; the robots are rome, remus"),
+        ([pack(AttachCamera(robot="rome", camera="up"))], "no camera `up`; they have ahead, left"),
+        ([pack(AttachControl()), pack(AttachControl())], "AttachControl is not allowed on this connection"),
         (
-            pack(AttachProximity(robot="rome")) + pack(DriveBase(velocity=1.0, turn=0.0)),
+            [pack(AttachProximity(robot="rome")), pack(DriveBase(velocity=1.0, turn=0.0))],
             "DriveBase is not allowed",
         ),
         (
-            pack(AttachBase(robot="rome")) + pack(DriveBase(velocity=float("nan"), turn=0.0)),
+            [pack(AttachBase(robot="rome")), pack(DriveBase(velocity=float("nan"), turn=0.0))],
             "expected finite",
         ),
     ],
 )
 def test_what_makes_no_sense_is_refused(
-    plant: PlantProcess, control: PlantControl, said: bytes, found: str
+    plant: PlantProcess, control: PlantControl, said: list[bytes], found: str
 ) -> None:
-    refusal = Line(plant.path, said).refusal()
+    refusal = Line(plant.path, *said).refusal()
     assert found in refusal.lower() or found in refusal
     assert control.truth("rome").velocity == 0.0
 
@@ -208,10 +200,9 @@ def test_noise_from_many_sides_holds_nobody_up(plant: PlantProcess, control: Pla
     rng = random.Random(11)
     watched = Line(plant.path, pack(AttachProximity(robot="rome")))
     for _ in range(100):
-        line = Line(plant.path)
-        start = pack(AttachBase(robot="rome")) if rng.random() < 0.3 else b""
+        line = Line(plant.path, *([pack(AttachBase(robot="rome"))] if rng.random() < 0.3 else ()))
         with contextlib.suppress(BrokenPipeError):  # it may be ended before all was said
-            line.sock.sendall(start + rng.randbytes(rng.randrange(200)))
+            line.sock.send(rng.randbytes(rng.randrange(200)))
         line.close()
     assert isinstance(watched.hear(), Attached)
     assert isinstance(watched.hear(), ProximityReading)
@@ -222,9 +213,8 @@ def test_noise_from_many_sides_holds_nobody_up(plant: PlantProcess, control: Pla
 def test_a_reader_that_does_not_read_holds_nobody_up(plant: PlantProcess, control: PlantControl) -> None:
     deaf = Line(plant.path, pack(AttachCamera(robot="rome", camera="ahead")))
     greedy = Line(plant.path, pack(AttachControl()))
-    greedy.sock.setblocking(False)
-    with pytest.raises(BlockingIOError):  # in the end it is not listened to any more
-        greedy.sock.sendall(100_000 * pack(AttachControl()))
+    with pytest.raises((BrokenPipeError, ConnectionResetError)):  # it takes no answers: it is ended
+        ask_and_never_listen(greedy)
     start = control.truth("rome").t_ns
     wait_for(lambda: control.truth("rome").t_ns > start + 500_000_000)
     assert isinstance(deaf.hear(), Attached)
@@ -233,13 +223,16 @@ def test_a_reader_that_does_not_read_holds_nobody_up(plant: PlantProcess, contro
     greedy.close()
 
 
+def ask_and_never_listen(line: Line) -> None:
+    for _ in range(100_000):
+        line.sock.send(pack(AttachControl()))
+
+
 def test_control_says_what_is_wrong_and_goes_on(plant: PlantProcess, control: PlantControl) -> None:
     with pytest.raises(ValueError, match="no robot `bob`"):
         control.truth("bob")
     with pytest.raises(ValueError, match=r"robot 1 at .* overlaps robot 0"):
         control.place("rome", OTHER[0] + 100.0, OTHER[1], 0.0)
-    with pytest.raises(ValueError, match="Advance is not allowed on this connection"):
-        control.advance(1)
     control.place("rome", 6000.0, 1500.0, 90.0)
     truth = control.truth("rome")
     assert (truth.x, truth.y, truth.heading) == (6000.0, 1500.0, 90.0)
@@ -255,7 +248,7 @@ def test_a_plant_that_was_frozen_goes_on_in_the_present(plant: PlantProcess, con
 
 
 def is_attached(heard: FromPlant | None) -> bool:
-    return isinstance(heard, Attached) and not heard.logical and heard.began_ns > 0
+    return isinstance(heard, Attached) and heard.began_ns > 0
 
 
 def is_frozen(pid: int) -> bool:
@@ -275,22 +268,24 @@ def test_people_who_walk_around_join_those_of_the_hazards(tmp_path: Path) -> Non
     for world in (loop, office):
         robots = {"rome": tuple(world.start(400.0))}
         alone = populated_scenery(options(tmp_path, world=world, robots=robots))
-        few = populated_scenery(options(tmp_path, world=world, robots=robots, movers=3, seed=4))
+        few = populated_scenery(
+            options(tmp_path, world=world, robots=robots, spec=WorldSpec(movers=3, seed=4))
+        )
         assert alone.people == ()
         assert few.people == movers(FreeSpace(world), world.start(400.0)[:2], 3, seed=4)
     hazards = Hazards(person_spacing_mm=5_000.0)
     robots = {"rome": tuple(loop.start(400.0))}
     many = [
-        populated_scenery(options(tmp_path, world=loop, robots=robots, hazards=hazards, movers=n)).people
+        populated_scenery(
+            options(tmp_path, world=loop, robots=robots, hazards=hazards, spec=WorldSpec(movers=n))
+        ).people
         for n in (0, 2)
     ]
     assert len(many[0]) > 0
     assert many[1][:-2] == many[0]
 
 
-def test_a_socket_left_behind_is_replaced_and_one_in_use_is_not(tmp_path: Path, plant: PlantProcess) -> None:
-    with pytest.raises(PlantInUseError, match="by another process already"):
-        serve_plant(options(plant.path), stop=lambda: True)
+def test_a_socket_left_behind_is_replaced(tmp_path: Path) -> None:
     left = tmp_path / "left"
     with socket.socket(socket.AF_UNIX) as old:
         old.bind(os.fspath(left))
@@ -301,19 +296,9 @@ def test_a_socket_left_behind_is_replaced_and_one_in_use_is_not(tmp_path: Path, 
     assert not left.exists()
 
 
-def test_the_folder_is_made_private_and_must_be(tmp_path: Path) -> None:
-    path = tmp_path / "deep" / "plant"
-    serve_plant(options(path), stop=lambda: True)
-    assert path.parent.stat().st_mode & 0o777 == 0o700
-    path.parent.chmod(0o755)
-    with pytest.raises(PermissionError, match="is open to other users"):
-        serve_plant(options(path), stop=lambda: True)
-
-
 def test_options_that_make_no_sense(tmp_path: Path) -> None:
     for changed, found in (
         ({"robots": {"rome": (0.0, 0.0, 0.0)}}, "from a wall"),
-        ({"robots": {"a": START, "b": OTHER}, "logical_ns": 1}, "logical time with 2 robots; expected 1"),
         ({"robots": {}}, "expected"),
         ({"step_ns": 0}, "steps of 0 ns"),
     ):
@@ -327,7 +312,7 @@ def test_a_plant_has_the_devices_and_fields_of_its_servers_alone(tmp_path: Path)
     probe = ServerSpec(
         "Probe", fields=(FieldSpec("moisture", DIMENSIONLESS, "the value that the interface declares"),)
     )
-    body = replace(body, servers={**body.servers, "Probe": Server()})
+    body = replace(body, servers={**body.servers, "Probe": ServerTable()})
     servers = (*(spec for spec in servers_of(body) if spec.name not in ("Panel", "Probe")), probe)
     amr = options(tmp_path / "plant", robots={"amr": START}, body=body, servers=servers)
     with controlled(amr) as control, contextlib.closing(RemoteDevice(amr.path, "amr", "Probe")) as probe:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from colony.runtime.library import robot
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.messages import Reply
 from colony.runtime.servers.drivers import BaseState
 from colony.runtime.transport.virtual import VirtualClock
@@ -59,7 +59,7 @@ def stage(config: RobotConfig = IDEAL, bits: int | None = None) -> tuple[Stage, 
     return found, base.world
 
 
-def done(one: Stage, ask: Ask[Any]) -> Reply:
+def done(one: Stage, ask: CallRequest[Any]) -> Reply:
     number = one.send("ann/1", ask)
     reply = one.frames_until("ann/1", number)
     one.frame(count=5)

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from colony.body.devices import Lidar as LidarDevice
+from colony.body.devices import LidarSpec as LidarDevice
 from colony.body.shipped import shipped_body
 from colony.sim.config import config_of
 from colony.sim.devices.ranging import Lidar
-from colony.sim.hazards.scenery import Person, Track, bare_scenery
+from colony.sim.hazards.scenery import CorridorTrack, Person, bare_scenery
 from colony.sim.world.world import World
 from tests.sim.robots import IDEAL, pass_time, with_ring
 
@@ -107,7 +107,7 @@ def test_robots_do_not_start_inside_each_other() -> None:
 
 
 def test_people_keep_clear_of_each_hull() -> None:
-    track = Track(x_mm=0.0, y_mm=0.0, heading_deg=0.0, length_mm=9_000.0, half_width_mm=1_000.0)
+    track = CorridorTrack(x_mm=0.0, y_mm=0.0, heading_deg=0.0, length_mm=9_000.0, half_width_mm=1_000.0)
     person = Person(track=track, along_mm=8_000.0, offset_mm=0.0, forward=False, speed_mm_s=1_200.0)
     scenery = replace(bare_scenery(np.empty((0, 4))), people=(person,))
     for radius in (300.0, 700.0):

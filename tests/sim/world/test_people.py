@@ -9,7 +9,7 @@ import pytest
 
 from colony.nav.maps.walls import walls_of
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
-from colony.sim.hazards.scenery import PERSON_RADIUS_MM, Person, Scenery, Track
+from colony.sim.hazards.scenery import PERSON_RADIUS_MM, CorridorTrack, Person, Scenery
 from colony.sim.world.people import LONGEST_STOP_S
 from colony.sim.world.world import World
 from tests.buildings import LOOP, MSU
@@ -17,7 +17,9 @@ from tests.sim.robots import IDEAL, RING
 
 LENGTH, HALF = 30_000.0, 1500.0
 WALLS = np.array([(-HALF, 0.0, -HALF, LENGTH), (HALF, LENGTH, HALF, 0.0), (-HALF, LENGTH, HALF, LENGTH)])
-NORTHWARD = Track(x_mm=0.0, y_mm=800.0, heading_deg=0.0, length_mm=LENGTH - 1600.0, half_width_mm=HALF)
+NORTHWARD = CorridorTrack(
+    x_mm=0.0, y_mm=800.0, heading_deg=0.0, length_mm=LENGTH - 1600.0, half_width_mm=HALF
+)
 TOUCH = IDEAL.radius_mm + PERSON_RADIUS_MM
 CROWDED = Hazards(on=frozenset({Hazard.PEOPLE}), person_spacing_mm=4_000.0)
 
@@ -124,7 +126,7 @@ def test_some_stop_for_a_robot_and_some_step_aside() -> None:
 def test_who_has_no_room_to_pass_turns_around() -> None:
     narrow = 800.0
     walls = WALLS * np.array([narrow / HALF, 1.0, narrow / HALF, 1.0])
-    track = Track(x_mm=0.0, y_mm=800.0, heading_deg=0.0, length_mm=20_000.0, half_width_mm=narrow)
+    track = CorridorTrack(x_mm=0.0, y_mm=800.0, heading_deg=0.0, length_mm=20_000.0, half_width_mm=narrow)
     somebody = Person(track=track, along_mm=9_000.0, offset_mm=0.0, forward=False, speed_mm_s=1000.0)
     scenery = Scenery(seed=1, walls=walls, silent=np.zeros(3, dtype=np.bool_), people=(somebody,))
     world = World(walls=scenery, poses=[(0.0, 3000.0, 0.0)])

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from colony.body.devices import Pose
+from colony.body.devices import MountPose
 from colony.body.model import Omnidirectional
 from colony.sim.config import RobotConfig
 from colony.sim.world.world import STILL, Speed, World
@@ -21,14 +21,16 @@ MECANUM = replace(IDEAL, **SIDEWAYS)
 FAST = replace(MECANUM, acceleration_mm_s2=1e9, turn_acceleration_deg_s2=1e9, sideways_acceleration_mm_s2=1e9)
 RADIUS = MECANUM.radius_mm
 KIWI = tuple(
-    Pose(150.0 * math.cos(math.radians(bearing)), 150.0 * math.sin(math.radians(bearing)), bearing + 90.0)
+    MountPose(
+        150.0 * math.cos(math.radians(bearing)), 150.0 * math.sin(math.radians(bearing)), bearing + 90.0
+    )
     for bearing in (60.0, 180.0, -60.0)
 )
 """Three omni wheels at 120 degrees, 150 mm from the center."""
-UNEVEN = (*KIWI[:2], Pose(-40.0, -170.0, 10.0), Pose(200.0, 30.0, 45.0))
+UNEVEN = (*KIWI[:2], MountPose(-40.0, -170.0, 10.0), MountPose(200.0, 30.0, 45.0))
 
 
-def on_wheels(wheels: tuple[Pose, ...], config: RobotConfig = FAST) -> RobotConfig:
+def on_wheels(wheels: tuple[MountPose, ...], config: RobotConfig = FAST) -> RobotConfig:
     return replace(config, omni_wheels=Omnidirectional(wheels=wheels).rolling)
 
 

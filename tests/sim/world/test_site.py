@@ -9,7 +9,7 @@ import numpy as np
 from colony.nav.maps.building import Building, load_building
 from colony.nav.plan.route import plan
 from colony.sim.hazards.hazards import Hazards
-from colony.sim.world.site import Site
+from colony.sim.world.site import SimulatedSite
 from tests.nav.floors import two_floors
 from tests.paths import MAPS
 
@@ -17,9 +17,9 @@ BUILDING = load_building(MAPS / "msu_engineering_3.stickrep")
 THIRD, SECOND = "msu_engineering_3", "msu_engineering_2"
 
 
-def site_of(building: Building, hazards: Hazards, seed: int, *way: str) -> Site:
+def site_of(building: Building, hazards: Hazards, seed: int, *way: str) -> SimulatedSite:
     planned = plan(building, *way)
-    return Site(building, planned.floors, hazards, poses=[planned.start], seed=seed)
+    return SimulatedSite(building, planned.floors, hazards, poses=[planned.start], seed=seed)
 
 
 def test_a_floor_is_the_same_wherever_the_plan_begins_and_each_has_luck_of_its_own() -> None:

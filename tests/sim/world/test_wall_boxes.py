@@ -13,10 +13,10 @@ from colony.ir.types import Value
 from colony.nav.maps.world_map import load_world
 from colony.sim.config import config_of
 from colony.sim.devices import devices_of
-from colony.sim.given import nothing_given
 from colony.sim.hazards.scenery import bare_scenery
+from colony.sim.mechanism import nothing_given
 from colony.sim.sensors.sonar import wall_table
-from colony.sim.world.wall_boxes import GROUP, HIGH_X, HIGH_Y, IS_OUTLINE, LOW_X, LOW_Y, wall_boxes
+from colony.sim.world.placing import GROUP, HIGH_X, HIGH_Y, IS_OUTLINE, LOW_X, LOW_Y, wall_boxes
 from colony.sim.world.world import World
 from tests.paths import MAPS
 

@@ -11,8 +11,8 @@ import pytest
 from colony.nav.maps.walls import walls_of
 from colony.sim.config import RobotConfig
 from colony.sim.hazards.hazards import Hazard, Hazards, draw
-from colony.sim.hazards.scenery import CompassDisturbance, Joint, Scenery, Slip, bare_scenery
-from colony.sim.sensors.rings import disturbance_deg
+from colony.sim.hazards.scenery import CompassDisturbance, ExpansionJoint, Scenery, WheelSlip, bare_scenery
+from colony.sim.sensors.sonar import disturbance_deg
 from colony.sim.world.world import World
 from tests.buildings import LOOP, MSU
 from tests.sim.robots import IDEAL, RING, ROME, pass_time
@@ -21,11 +21,11 @@ from tests.sim.world.test_world import history
 BOX = np.array(
     [(-2e3, 0.0, -2e3, 40e3), (2e3, 40e3, 2e3, 0.0), (-2e3, 40e3, 2e3, 40e3), (2e3, 0.0, -2e3, 0.0)]
 )
-JOINT = Joint(x0_mm=-2000.0, y0_mm=5000.0, x1_mm=2000.0, y1_mm=5000.0)
-SURE = Slip(probability=1.0, turn_deg=10.0, min_mm=30.0, max_mm=80.0)
+JOINT = ExpansionJoint(x0_mm=-2000.0, y0_mm=5000.0, x1_mm=2000.0, y1_mm=5000.0)
+SURE = WheelSlip(probability=1.0, turn_deg=10.0, min_mm=30.0, max_mm=80.0)
 
 
-def with_joints(*joints: Joint, slip: Slip = SURE, seed: int = 0) -> Scenery:
+def with_joints(*joints: ExpansionJoint, slip: WheelSlip = SURE, seed: int = 0) -> Scenery:
     return replace(bare_scenery(BOX, seed=seed), joints=joints, slip=slip)
 
 
@@ -55,7 +55,7 @@ def test_a_slip_turns_the_robot_and_its_odometry_does_not_notice() -> None:
 
 
 def test_a_quarter_of_the_crossings_slip() -> None:
-    slip = Slip(probability=0.25, turn_deg=10.0, min_mm=30.0, max_mm=80.0)
+    slip = WheelSlip(probability=0.25, turn_deg=10.0, min_mm=30.0, max_mm=80.0)
     slips = sum(
         passed(with_joints(JOINT, slip=slip, seed=s)).true_pose(0).heading_deg != 0.0 for s in range(400)
     )
@@ -63,8 +63,8 @@ def test_a_quarter_of_the_crossings_slip() -> None:
 
 
 def test_a_robot_that_does_not_cross_does_not_slip() -> None:
-    beside = Joint(x0_mm=500.0, y0_mm=5000.0, x1_mm=2000.0, y1_mm=5000.0)
-    ahead = Joint(x0_mm=-2000.0, y0_mm=9000.0, x1_mm=2000.0, y1_mm=9000.0)
+    beside = ExpansionJoint(x0_mm=500.0, y0_mm=5000.0, x1_mm=2000.0, y1_mm=5000.0)
+    ahead = ExpansionJoint(x0_mm=-2000.0, y0_mm=9000.0, x1_mm=2000.0, y1_mm=9000.0)
     world = passed(with_joints(beside, ahead))
     assert world.true_pose(0) == world.odometry(0)
 
@@ -83,7 +83,9 @@ def test_a_slip_does_not_depend_on_how_time_is_cut() -> None:
 
 
 def test_each_crossing_is_drawn_by_itself() -> None:
-    joints = tuple(Joint(x0_mm=-2000.0, y0_mm=y, x1_mm=2000.0, y1_mm=y) for y in (4500.0, 4900.0, 5300.0))
+    joints = tuple(
+        ExpansionJoint(x0_mm=-2000.0, y0_mm=y, x1_mm=2000.0, y1_mm=y) for y in (4500.0, 4900.0, 5300.0)
+    )
     turns = []
     for count in range(1, 4):
         world = passed(with_joints(*joints[:count]))

@@ -13,7 +13,7 @@ from colony.sim.cameras.ceiling import CeilingCamera
 from colony.sim.hazards.scenery import CeilingLight, bare_scenery
 from colony.vision.lights.ceiling_camera import UPWARD
 from colony.vision.lights.observing import CeilingObservation
-from colony.vision.lights.scan_lines import Light, ceiling_lights
+from colony.vision.lights.scan_lines import SeenLight, ceiling_lights
 from studies.lights.detection import MATCH_RADIUS_MM, LightDetection, LightDetectionMonitor
 from studies.lights.results import LIGHT_TABLE, LightResult, light_tables, light_targets
 from studies.lists import published_list
@@ -22,7 +22,7 @@ NORTH = CeilingLight(x_mm=0.0, y_mm=5_000.0, heading_deg=0.0)
 
 
 def _told(ahead_mm: float) -> CeilingObservation:
-    return CeilingObservation(0, (Light(ahead_mm, None, 3, True, 1.0),))
+    return CeilingObservation(0, (SeenLight(ahead_mm, None, 3, True, 1.0),))
 
 
 def _watch(*lights: CeilingLight) -> LightDetectionMonitor:

@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 from colony.experiment.results import RunKey
-from colony.robots.navigation import CEILING_CAMERA
+from colony.runs.navigation import CEILING_CAMERA
 from colony.sim.hazards.hazards import Hazards
 from studies.lists import PUBLISHED_MAP
 from studies.plates.record import FINDERS, PlateResult, tally
 from studies.plates.run import PlateRun
-from studies.runs import Run, RunSpec
+from studies.runs import Run, StudyRun
 
-SPEC = RunSpec(
+SPEC = StudyRun(
     key=RunKey("short", 1, 1, "ours"),
     map_path=Path(PUBLISHED_MAP),
     origin="A342L",

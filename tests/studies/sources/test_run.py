@@ -11,11 +11,11 @@ import pytest
 from colony.experiment.results import Results, RunKey
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.pose import PoseEstimate
-from colony.nav.pose.tracker import EVERY_SOURCE, Source
-from colony.robots.navigation import CEILING_CAMERA, SIDE_CAMERA
+from colony.nav.pose.tracker import EVERY_SOURCE, PoseSource
+from colony.runs.navigation import CEILING_CAMERA, SIDE_CAMERA
 from colony.sim.hazards.hazards import Hazards
 from studies.lists import PUBLISHED_MAP, ListedRun
-from studies.runs import RunSpec
+from studies.runs import StudyRun
 from studies.sources import run as sources
 from studies.sources.results import (
     ALL_SOURCES,
@@ -42,7 +42,7 @@ def result(*, good: int, failed: bool = False) -> SourceResult:
 def test_each_source_is_left_out_once_and_all_of_them() -> None:
     assert SOURCE_CHOICES[ALL_SOURCES] == EVERY_SOURCE
     assert SOURCE_CHOICES[ODOMETRY] == frozenset()
-    for source in (Source.SONAR, Source.LOCAL_MAPS, Source.LIGHTS, Source.PLATES):
+    for source in (PoseSource.SONAR, PoseSource.LOCAL_MAPS, PoseSource.LIGHTS, PoseSource.PLATES):
         assert EVERY_SOURCE - {source} in SOURCE_CHOICES.values()
 
 
@@ -60,12 +60,12 @@ def test_an_estimate_is_held_against_the_true_pose_of_its_moment() -> None:
 
 @pytest.mark.thorough
 def test_a_short_run_is_driven_with_each_choice(monkeypatch: pytest.MonkeyPatch) -> None:
-    spec = RunSpec(
+    spec = StudyRun(
         key=KEY, map_path=PUBLISHED_MAP, origin="A339L", goal="A338R", hazards=Hazards.none(),
         cameras=frozenset({CEILING_CAMERA, SIDE_CAMERA}),
     )  # fmt: skip
-    no_plates = EVERY_SOURCE - {Source.PLATES}
-    some = {ALL_SOURCES: EVERY_SOURCE, "no plates": no_plates, ODOMETRY: frozenset[Source]()}
+    no_plates = EVERY_SOURCE - {PoseSource.PLATES}
+    some = {ALL_SOURCES: EVERY_SOURCE, "no plates": no_plates, ODOMETRY: frozenset[PoseSource]()}
     monkeypatch.setattr(sources, "SOURCE_CHOICES", some)
     found = run_with_sources(spec)
     assert list(found.outcomes) == list(some)

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 from colony.nav.pose.pose import fix_of
 from colony.nav.shared import LIGHT_FIX
-from colony.vision.lights.scan_lines import Light
-from colony.vision.lights.track import LightDetections, LightGoal, LightPassing, Scale
+from colony.vision.lights.scan_lines import SeenLight
+from colony.vision.lights.track import LightDetections, LightGoal, LightPassing, OdometryScale
 from studies.thesis.light_track import PERIOD_S, ThesisTrack
 from tests.vision.lights.corridors import Robot
 from tests.vision.lights.test_tracker import ceiling, driven, numbers
@@ -12,9 +12,9 @@ GOAL = LightGoal(direction_deg=0.0, x_mm=0.0, y_mm=0.0, lights_mm=(2000.0, 7500.
 
 
 def travel(lights: tuple[float, ...], *, to_mm: float = 14_000.0) -> list[LightPassing]:
-    track, found = ThesisTrack.start(GOAL, Scale()), []
+    track, found = ThesisTrack.start(GOAL, OdometryScale()), []
     for true in range(0, round(to_mm), 150):
-        seen = tuple(Light(p - true, None, 3, True, 1.0) for p in lights if abs(p - true) < 450.0)
+        seen = tuple(SeenLight(p - true, None, 3, True, 1.0) for p in lights if abs(p - true) < 450.0)
         track = track.observed(LightDetections(seen, float(true), 0.0))
         track, passing = track.passing(float(true))
         if passing is not None:

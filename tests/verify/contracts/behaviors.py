@@ -5,7 +5,15 @@ from __future__ import annotations
 from colony.dsl.load import load_text
 from colony.ir.program import Program
 from colony.verify.contracts.prove import prove_contracts
-from colony.verify.contracts.results import Options, OverReals, Proved, ProvedInTime, Refuted, Result, Unknown
+from colony.verify.contracts.results import (
+    OverReals,
+    ProofOptions,
+    Proved,
+    ProvedInTime,
+    Refuted,
+    Result,
+    Unknown,
+)
 
 ROBOT = """
 enum goal { none = 0, corner = 67, light = 76 }
@@ -40,12 +48,12 @@ def program(text: str) -> Program:
     return load_text(ROBOT + text)
 
 
-def result(text: str, options: Options | None = None) -> Result:
+def result(text: str, options: ProofOptions | None = None) -> Result:
     """What becomes of the last contract of a text."""
     return prove_contracts(program(text), options)[-1]
 
 
-def proved(text: str, options: Options | None = None) -> Proved:
+def proved(text: str, options: ProofOptions | None = None) -> Proved:
     """What is proved of it while no client is late, for floats or over reals."""
     found = result(text, options)
     if isinstance(found, OverReals):
@@ -56,13 +64,13 @@ def proved(text: str, options: Options | None = None) -> Proved:
     return found
 
 
-def refuted(text: str, options: Options | None = None) -> Refuted:
+def refuted(text: str, options: ProofOptions | None = None) -> Refuted:
     found = result(text, options)
     assert isinstance(found, Refuted), found
     return found
 
 
-def unknown(text: str, options: Options | None = None) -> Unknown:
+def unknown(text: str, options: ProofOptions | None = None) -> Unknown:
     found = result(text, options)
     assert isinstance(found, Unknown), found
     return found

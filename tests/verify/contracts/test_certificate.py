@@ -13,10 +13,10 @@ import z3
 
 from colony.dsl.load import load_text
 from colony.ir.program import Program
-from colony.verify.contracts import attempt, spacer
+from colony.verify.contracts import attempt
 from colony.verify.contracts.certificate import certificate
-from colony.verify.contracts.prove import Prover, results
-from colony.verify.contracts.results import Options, Proved, ProvedInTime, Result
+from colony.verify.contracts.prove import ContractProver, results
+from colony.verify.contracts.results import ProofOptions, Proved, ProvedInTime, Result
 from tests.verify.contracts.behaviors import MEAN, program
 
 CYCLE = "state e = 0  next e = if e == 0 then 1 else if e == 7 then 8 else 0\ncontract c: e != 8\n"
@@ -70,9 +70,9 @@ PROGRAMS = {  # with texts that the certificate has
 
 def certificates(made: Program) -> list[str]:
     """Return the certificates of all contracts."""
-    options, found = Options(), list[str]()
+    options, found = ProofOptions(), list[str]()
 
-    def certify(prover: Prover, proved: Result) -> None:
+    def certify(prover: ContractProver, proved: Result) -> None:
         assert isinstance(proved, Proved | ProvedInTime)
         text = certificate(prover, proved, options)
         assert text is not None
@@ -109,7 +109,7 @@ def unproved(text: str) -> set[str]:
 def no_invariants(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing guesses invariants, so that only k-induction is left."""
     monkeypatch.setattr(attempt, "candidates", lambda *_: ())
-    monkeypatch.setattr(spacer, "solve", lambda *_, **__: None)
+    monkeypatch.setattr(attempt, "solve", lambda *_, **__: None)
 
 
 @pytest.mark.parametrize(("text", "has"), PROGRAMS.values(), ids=PROGRAMS)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from colony.dsl.load import load_text
-from colony.ir.frame import Given
+from colony.ir.frame import OverriddenCommand
+from colony.verify.contracts.concrete_runs import Replay
 from colony.verify.contracts.disturbances import with_operator_runs
 from colony.verify.contracts.prove import prove_contracts
-from colony.verify.contracts.replay import Replay
-from colony.verify.contracts.results import Options, Proved, ProvedInTime, Refuted, Result
+from colony.verify.contracts.results import ProofOptions, Proved, ProvedInTime, Refuted, Result
 
 ROBOT = """
 robot r {{
@@ -30,7 +30,7 @@ network {{ drive = cruise suppresses creep  lift = raise suppresses other }}
 def result(contract: str, more: str = "", idle: str = "lift(height = 0)", loss: str = "") -> Result:
     """What becomes of a contract of a robot that drives and lifts."""
     text = f"{ROBOT.format(idle=idle, loss=loss)}{more}\ncontract c: {contract}\n"
-    return prove_contracts(load_text(text), Options(depth=2, max_frames=4, resources=3_000_000))[-1]
+    return prove_contracts(load_text(text), ProofOptions(depth=2, max_frames=4, resources=3_000_000))[-1]
 
 
 def in_time(contract: str, more: str = "", **options: str) -> ProvedInTime:
@@ -51,7 +51,7 @@ def always(contract: str, more: str = "", **options: str) -> Proved:
 def test_one_actuator_acts_while_the_other_is_late() -> None:
     found = in_time("drive.velocity > 0.2 m/s implies lift is commanded")
     [snapshot] = found.trace.snapshots
-    assert snapshot.given == {"lift": Given()}
+    assert snapshot.given == {"lift": OverriddenCommand()}
     [outcome] = found.trace.outcomes
     assert outcome.commands["lift"].by is None
     assert outcome.commands["drive"].by == "cruise"
@@ -93,7 +93,7 @@ def test_idle_hold_holds_what_was_given_last() -> None:
     assert always("value_or(lift.height, 0 mm) >= 0 mm", idle="hold").operators
     found = in_time(high, idle="hold")
     assert len(found.trace.snapshots) == 2
-    assert found.trace.snapshots[-1].given == {"lift": Given()}
+    assert found.trace.snapshots[-1].given == {"lift": OverriddenCommand()}
     first = in_time("lift.height <= 500 mm", idle="hold")
     assert first.trace.unknown, "nothing was given yet"
 

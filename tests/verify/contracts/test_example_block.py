@@ -6,8 +6,8 @@ import pytest
 
 from colony.dsl.load import load_text
 from colony.ir.types import Value
+from colony.verify.contracts.concrete_runs import Replay
 from colony.verify.contracts.example_block import example_block
-from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Trace
 from colony.verify.snapshot import Snapshot
 from colony.verify.testing.examples import run_examples

@@ -5,7 +5,7 @@ from __future__ import annotations
 import z3
 
 from colony.verify.contracts.candidates import Candidate, Invariants, candidates, invariants
-from colony.verify.contracts.results import Options
+from colony.verify.contracts.results import ProofOptions
 from colony.verify.contracts.slicing import cone_of
 from colony.verify.contracts.solver import Budget
 from colony.verify.symbolic.system import System
@@ -14,9 +14,9 @@ from tests.verify.contracts.systems import LAST, counter, delay, system
 A, B, COUNT = z3.Bool("a"), z3.Bool("b"), z3.Int("count")
 
 
-def kept(made: System, *guesses: Candidate, options: Options | None = None) -> Invariants:
+def kept(made: System, *guesses: Candidate, options: ProofOptions | None = None) -> Invariants:
     claim = made.claims[0]
-    return invariants(cone_of(made, claim), guesses, made.claims, [], Budget(options or Options()))
+    return invariants(cone_of(made, claim), guesses, made.claims, [], Budget(options or ProofOptions()))
 
 
 def test_guesses_that_hold_only_together_are_kept() -> None:
@@ -38,7 +38,7 @@ def test_contracts_that_follow_are_told() -> None:
 
 def test_nothing_is_kept_that_could_not_be_shown() -> None:
     made = system([counter(3)], {"low": COUNT < 3})
-    tiny = Options(resources=1)
+    tiny = ProofOptions(resources=1)
     assert kept(made, Candidate("high", COUNT < 3), options=tiny) == Invariants((), ())
 
 
@@ -54,11 +54,13 @@ def test_templates_find_the_bounds_of_a_counter() -> None:
 
 
 def test_a_remembered_time_is_not_later_than_the_last_frame() -> None:
-    from colony.verify.symbolic.system import Cell
+    from colony.verify.symbolic.system import SymbolicCell
     from tests.verify.contracts.systems import NOW
 
     since = z3.Int("since")
-    stamp = Cell(name="since", old=since, next=z3.If(z3.Bool("tick"), NOW, since), initial=z3.IntVal(0))
+    stamp = SymbolicCell(
+        name="since", old=since, next=z3.If(z3.Bool("tick"), NOW, since), initial=z3.IntVal(0)
+    )
     made = system([stamp], {"past": since <= LAST})
     found = kept(made, *candidates(cone_of(made, made.claims[0]), made.claims))
     assert "since <= time of the last frame" in [c.text for c in found.conditions]

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import z3
 
-from colony.verify.contracts.results import Options
-from colony.verify.contracts.search import Induction, KnownCondition, SingleFrames
+from colony.verify.contracts.results import ProofOptions
+from colony.verify.contracts.search import ContractInduction, KnownCondition, SingleFrames
 from colony.verify.contracts.slicing import cone_of
-from colony.verify.contracts.solver import Answer, Budget
+from colony.verify.contracts.solver import Budget, SolverAnswer
 from colony.verify.symbolic.system import System
 from tests.verify.contracts.systems import counter, delay, system
 
@@ -17,11 +17,11 @@ def first_k(
 ) -> tuple[int, tuple[str, ...]] | None:
     """The least k for which the step of the only contract holds, and what it used."""
     [claim] = made.claims
-    cone, budget = cone_of(made, claim), Budget(Options())
+    cone, budget = cone_of(made, claim), Budget(ProofOptions())
     answer, used = SingleFrames(made).breaks(claim, known, budget)
-    if answer is Answer.UNSAT:
+    if answer is SolverAnswer.UNSAT:
         return 0, used
-    induction = Induction(cone, claim, known, budget)
+    induction = ContractInduction(cone, claim, known, budget)
     for k in range(1, most + 1):
         used = induction.prove_next_k()
         if used is not None:

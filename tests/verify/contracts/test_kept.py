@@ -9,9 +9,8 @@ import pytest
 from colony.dsl.load import check_text
 from colony.dsl.site_reading import params_from_values
 from colony.ir.program import Program
-from colony.verify.contracts.kept import KeptProofs, blamed, kept_proofs
-from colony.verify.contracts.proof_cache import cache_folder
-from colony.verify.contracts.results import Options, Refuted
+from colony.verify.contracts.kept import KeptProofs, blamed, cache_folder, kept_proofs
+from colony.verify.contracts.results import ProofOptions, Refuted
 
 TEXT = """language 1
 robot r {
@@ -27,7 +26,7 @@ contract slowly: drive.velocity <= 350 mm/s
 contract never: drive.velocity < 50 mm/s
 """
 
-OPTIONS = Options()
+OPTIONS = ProofOptions()
 
 
 def program(**values: object) -> Program:

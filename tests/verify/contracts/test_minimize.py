@@ -6,8 +6,8 @@ import pytest
 
 from colony.ir.program import Program
 from colony.ir.types import Value
+from colony.verify.contracts.concrete_runs import Replay
 from colony.verify.contracts.refute import minimize
-from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.results import Trace
 from colony.verify.snapshot import Snapshot
 from tests.verify.contracts.behaviors import program

@@ -9,11 +9,11 @@ import pytest
 from colony.dsl.load import load_text
 from colony.ir.program import Program
 from colony.verify.contracts import prove
-from colony.verify.contracts.proof_cache import ProofCache
+from colony.verify.contracts.kept import ProofCache
 from colony.verify.contracts.prove import results
-from colony.verify.contracts.results import Options, OverReals, Proved, ProvedInTime, Refuted, Unknown
+from colony.verify.contracts.results import OverReals, ProofOptions, Proved, ProvedInTime, Refuted, Unknown
 
-OPTIONS = Options.within(0.2, depth=1)
+OPTIONS = ProofOptions.within(0.2, depth=1)
 
 TEXT = """language 1
 robot r {
@@ -60,10 +60,10 @@ def alike(a: dict[str, object], b: dict[str, object]) -> bool:
 def proved_again(folder: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> list[str]:
     """The contracts that are proved though others were before."""
     again: list[str] = []
-    prove_disturbed = prove.Prover.prove_disturbed
+    prove_disturbed = prove.ContractProver.prove_disturbed
     with monkeypatch.context() as patched:
         patched.setattr(
-            prove.Prover,
+            prove.ContractProver,
             "prove_disturbed",
             lambda self, contract: (again.append(contract.name), prove_disturbed(self, contract))[1],
         )

@@ -11,11 +11,11 @@ from pathlib import Path
 import pytest
 import z3
 
+from colony.verify.contracts.concrete_runs import Replay
 from colony.verify.contracts.prove import prove_contracts, results
-from colony.verify.contracts.replay import Replay
 from colony.verify.contracts.report import verdict
-from colony.verify.contracts.results import Options, OverReals, Proved, Unknown
-from colony.verify.contracts.solver import Answer, Deadline, Solver
+from colony.verify.contracts.results import OverReals, ProofOptions, Proved, Unknown
+from colony.verify.contracts.solver import Deadline, IncrementalSolver, SolverAnswer
 from colony.verify.snapshot import Snapshot
 from tests.verify.contracts.behaviors import MEAN, ROBOT, program, proved, refuted, result, unknown
 
@@ -170,13 +170,13 @@ def test_what_holds_of_floats_says_nothing_of_reals() -> None:
 
 def test_what_follows_whatever_rounding_does_takes_one_question(monkeypatch: pytest.MonkeyPatch) -> None:
     """The solver is not asked about exact sums, products and sines that a contract does not need."""
-    checked, check = list[Solver](), Solver.check
+    checked, check = list[IncrementalSolver](), IncrementalSolver.check
 
-    def counted(solver: Solver, assumed: Sequence[z3.BoolRef] = ()) -> Answer:
+    def counted(solver: IncrementalSolver, assumed: Sequence[z3.BoolRef] = ()) -> SolverAnswer:
         checked.append(solver)
         return check(solver, assumed)
 
-    monkeypatch.setattr(Solver, "check", counted)
+    monkeypatch.setattr(IncrementalSolver, "check", counted)
     assert (
         proved("contract c: fresh(x) and fresh(bump) and x + 0.1 > 3 and bump implies bump").over_reals == ()
     )
@@ -192,7 +192,7 @@ def test_an_abstracted_function_leaves_it_unknown() -> None:
 
 def test_what_the_solver_cannot_see_is_refuted_by_drawing_runs() -> None:
     found = refuted(
-        "contract c: fresh(slope) implies sin(slope) < 0.9 or abs(slope) > 200 deg", Options(resources=1)
+        "contract c: fresh(slope) implies sin(slope) < 0.9 or abs(slope) > 200 deg", ProofOptions(resources=1)
     )
     [snapshot] = found.trace.snapshots
     assert set(snapshot.readings) == {"slope"}
@@ -200,12 +200,12 @@ def test_what_the_solver_cannot_see_is_refuted_by_drawing_runs() -> None:
 
 def test_what_no_induction_shows_is_unknown_and_tells_how_far_it_went() -> None:
     text = "state n = 0  next n = if bump then n + 0.5 else n - 0.5\ncontract c: n != 0.25"
-    found = unknown(text, Options(depth=2, max_frames=5, resources=500_000))
+    found = unknown(text, ProofOptions(depth=2, max_frames=5, resources=500_000))
     assert any("in the 2 frames before" in line and "up to 5 frames" in line for line in found.because)
 
 
 def test_a_solver_that_may_do_nothing_gives_up_and_says_so() -> None:
-    found = unknown(COUNTER + "contract c: n <= 4", Options(resources=1))
+    found = unknown(COUNTER + "contract c: n <= 4", ProofOptions(resources=1))
     assert "z3 reached its limits without an answer" in found.because
     assert "--timeout" in found.hint
 
@@ -244,7 +244,7 @@ def test_runs_of_the_interpreter_are_charged_to_the_deadline() -> None:
 def test_stages_are_reported_with_the_name_of_their_contract() -> None:
     stages: list[str] = []
     made = program("state n = 0  next n = if bump then n + 0.5 else n - 0.5\ncontract c: n != 0.25")
-    options = Options(depth=2, max_frames=5, resources=500_000)
+    options = ProofOptions(depth=2, max_frames=5, resources=500_000)
     list(results(made, ["c"], options, deadline=Deadline(None, stages.append)))
     assert {"c: encoding the program", "c: searching runs of 3 frames", "c: drawing runs"} <= set(stages)
 

@@ -14,13 +14,13 @@ from colony.ir.program import Program
 from colony.verify.contracts.example_block import example_block
 from colony.verify.contracts.prove import in_order, prove_contracts
 from colony.verify.contracts.report import counted_as, finding, lines, row
-from colony.verify.contracts.results import Options, Refuted, Result, with_reaches
+from colony.verify.contracts.results import ProofOptions, Refuted, Result, with_reaches
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.examples import run_examples
 from tests.verify.contracts.behaviors import MEAN, ROBOT, program
 
 
-def result(text: str, options: Options | None = None) -> tuple[Program, Result]:
+def result(text: str, options: ProofOptions | None = None) -> tuple[Program, Result]:
     made = program(text)
     return made, prove_contracts(with_reaches(made), options)[-1]
 
@@ -84,7 +84,9 @@ def test_over_reals_and_unknown_are_said_of_reaches_as_of_contracts() -> None:
     assert said.code == "V014"
     assert said.message.startswith("reach `r` is proved never to be reached only over real numbers: floats")
     counting = "state n = 0  next n = if bump then n + 0.5 else n - 0.5\n"
-    made, found = result(f"{counting}reach r: n == 0.25", Options(depth=1, max_frames=2, resources=400_000))
+    made, found = result(
+        f"{counting}reach r: n == 0.25", ProofOptions(depth=1, max_frames=2, resources=400_000)
+    )
     assert counted_as(found) == "unknown"
     said = finding(found, None)
     assert said.code == "V011"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from colony.verify.contracts.results import Options
+from colony.verify.contracts.results import ProofOptions
 
 
 def test_ten_seconds_at_the_usual_depth_are_what_is_meant_without_options() -> None:
-    assert Options.within(10.0, depth=4) == Options()
+    assert ProofOptions.within(10.0, depth=4) == ProofOptions()
 
 
 def test_there_is_always_something_to_try() -> None:
-    least = Options.within(1e-9, depth=0)
+    least = ProofOptions.within(1e-9, depth=0)
     assert (least.max_frames, least.resources) == (2, 1)

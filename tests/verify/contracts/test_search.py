@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import z3
 
-from colony.verify.contracts.results import Options
+from colony.verify.contracts.results import ProofOptions
 from colony.verify.contracts.search import Search
 from colony.verify.contracts.slicing import cone_of
 from colony.verify.contracts.solver import Budget
@@ -15,7 +15,7 @@ from tests.verify.contracts.systems import NOW, counter, delay, system
 
 def search(made: System) -> Search:
     [claim] = made.claims
-    return Search(cone_of(made, claim), claim, Budget(Options()))
+    return Search(cone_of(made, claim), claim, Budget(ProofOptions()))
 
 
 def shortest(made: System, most: int) -> int | None:

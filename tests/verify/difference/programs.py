@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from colony.dsl.load import load_text
 from colony.ir.program import Program
-from colony.verify.contracts.results import RESOURCES_PER_SECOND, Options
+from colony.verify.contracts.results import RESOURCES_PER_SECOND, ProofOptions
 from colony.verify.difference import Different, Result, difference
 from colony.verify.reference.interpreter import Interpreter
 from tests.verify.small_robot import robot
 
 ROBOT = robot("actuator lamp { on : bool } to DServer.Lamp idle hold")
-QUICK = Options(depth=2, max_frames=6, resources=2 * RESOURCES_PER_SECOND)
+QUICK = ProofOptions(depth=2, max_frames=6, resources=2 * RESOURCES_PER_SECOND)
 """A budget in z3's own units alone: on a busy machine a question takes longer, and has the same answer."""
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from colony.dsl.load import load_file, load_text
-from colony.verify.difference import Different, Same, Undecided, difference
+from colony.verify.difference import DifferenceUndecided, Different, Same, difference
 from colony.verify.difference.content import contents
 from colony.verify.difference.report import lines
 from tests.diagnostics import problems_of
@@ -286,7 +286,7 @@ def test_one_class_with_the_same_params_and_reads_gives_the_same_answers() -> No
 )
 def test_another_class_may_answer_anything(old: str, new: str) -> None:
     result = compare(CRUISE + PYTHON, CRUISE + PYTHON.replace(old, new))
-    assert isinstance(result, Undecided)
+    assert isinstance(result, DifferenceUndecided)
     assert "modules in Python" in result.because[0]
 
 

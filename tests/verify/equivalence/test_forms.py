@@ -18,7 +18,7 @@ from colony.dsl.load import load_file
 from colony.execute.code import Apply, Code, Literal
 from colony.execute.operators import Operator
 from colony.verify.equivalence.prove import prove, prove_json, prove_python
-from colony.verify.equivalence.results import Malformed, Proved, Result, WrongWinner
+from colony.verify.equivalence.results import EquivalenceProved, Result, WrongForm, WrongWinner
 from tests.drawn.strategies import run_of_seed
 from tests.paths import BEHAVIORS
 from tests.sampling import sampled
@@ -38,7 +38,7 @@ def emitted(of: Compilation) -> Result:
 @pytest.mark.parametrize("path", sampled(BEHAVIORS, every=4), ids=lambda path: path.stem)
 def test_all_forms_of_shipped_behaviors_are_proved(path: Path) -> None:
     result = emitted(compilation(path.stem))
-    assert isinstance(result, Proved)
+    assert isinstance(result, EquivalenceProved)
     assert result.forms == ("clients", "JSON", "lowered code", "generated Python")
 
 
@@ -46,7 +46,7 @@ def test_all_forms_of_shipped_behaviors_are_proved(path: Path) -> None:
 @pytest.mark.parametrize("network", [True, False], ids=["network", "whole"])
 def test_all_forms_of_drawn_programs_are_proved(seed: int, network: bool) -> None:
     program, _ = run_of_seed(seed, network=network)
-    assert isinstance(emitted(compile_program(program)), Proved), seed
+    assert isinstance(emitted(compile_program(program)), EquivalenceProved), seed
 
 
 # --- generated Python --------------------------------------------------------------------------------
@@ -109,7 +109,7 @@ def test_a_change_in_generated_python_is_found(what: str, instead: str) -> None:
 def test_a_change_that_changes_no_winner_is_proved() -> None:
     """Who comes after `travel` is only asked where `travel` is not active, or inhibited like themselves."""
     what, instead = "{not_travel} = not (travel_active or", "{not_travel} = not (collide_active or"
-    assert isinstance(replaced(what, instead), Proved)
+    assert isinstance(replaced(what, instead), EquivalenceProved)
 
 
 def test_clients_in_another_order_are_found() -> None:
@@ -138,7 +138,7 @@ def test_clients_in_another_order_are_found() -> None:
 )
 def test_python_of_another_shape_is_refused(what: str, instead: str, found: str) -> None:
     result = changed_text(lambda text: text.replace(what, instead))
-    assert isinstance(result, Malformed)
+    assert isinstance(result, WrongForm)
     assert found in result.found
 
 
@@ -150,7 +150,7 @@ def changed_json(change: Callable[[dict[str, list[dict[str, object]]]], None]) -
     document = json.loads(to_json(of.clients))
     change(document)
     emitted_text = json.dumps(document)
-    assert not isinstance(prove(of.program, of, json=emitted_text), Proved)
+    assert not isinstance(prove(of.program, of, json=emitted_text), EquivalenceProved)
     return prove_json(of.program, emitted_text)
 
 
@@ -160,10 +160,12 @@ def a_node(document: dict[str, list[dict[str, object]]], op: str) -> dict[str, o
 
 def test_json_of_its_own_is_held_against_the_network() -> None:
     of = compilation("allen")
-    assert isinstance(prove_json(of.program, to_json(of.clients)), Proved)
+    assert isinstance(prove_json(of.program, to_json(of.clients)), EquivalenceProved)
     unsimplified = to_json(of.traversal)
     assert unsimplified != to_json(of.clients)
-    assert isinstance(prove_json(of.program, unsimplified), Proved), "other guards, but the same winners"
+    assert isinstance(prove_json(of.program, unsimplified), EquivalenceProved), (
+        "other guards, but the same winners"
+    )
 
 
 def without_the_lowest(document: dict[str, object]) -> None:
@@ -188,7 +190,7 @@ def test_a_change_in_json_is_found(change: Callable[[dict[str, list[dict[str, ob
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"nodes": [{"op": "not", "of": 0}]}', '{"nodes": 3}'])
 def test_what_is_no_client_list_is_refused(text: str) -> None:
-    assert isinstance(prove_json(compilation("allen").program, text), Malformed)
+    assert isinstance(prove_json(compilation("allen").program, text), WrongForm)
 
 
 # --- lowered code --------------------------------------------------------------------------------

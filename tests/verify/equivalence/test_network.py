@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.ir.program import Chain, Use, Wire
-from colony.verify.equivalence.circuit import Activity, Circuit, History, Input
+from colony.verify.equivalence.circuit import Activity, Circuit, HeldInput, Input
 from colony.verify.equivalence.network import encode_network
 from colony.verify.reference.interpreter import Interpreter
 from tests.drawn.strategies import run_of_seed
@@ -25,7 +25,7 @@ def test_formulas_are_what_the_interpreter_does(seed: int) -> None:
         for of in circuit.inputs:
             if isinstance(of, Activity):
                 inputs[of] = interpreter.is_active(of.module)
-            elif isinstance(of, History):
+            elif isinstance(of, HeldInput):
                 before = last.get(of.operand)
                 inputs[of] = before is not None and frame.t_ns - before < of.window_ns
         value = valued(circuit, inputs)
@@ -35,7 +35,7 @@ def test_formulas_are_what_the_interpreter_does(seed: int) -> None:
             assert winners == ([decision.by] if decision.by else []), seed
         for name in source.names:
             assert value(source.activity(name)) == interpreter.is_active(name), (seed, name)
-        last |= {o.operand: frame.t_ns for o in inputs if isinstance(o, History) and value(o.operand)}
+        last |= {o.operand: frame.t_ns for o in inputs if isinstance(o, HeldInput) and value(o.operand)}
 
 
 def test_a_long_chain_is_no_deep_recursion() -> None:
@@ -49,5 +49,5 @@ def test_time_constants_stand_where_they_are_written() -> None:
     wiring = Chain(relation="inhibits", operands=operands, windows_ns=(7, 9))
     circuit = Circuit()
     source = encode_network(driven(3, [Wire(name="w", wiring=wiring)], "w"), circuit)
-    windows = {of.window_ns: of.operand for of in circuit.inputs if isinstance(of, History)}
+    windows = {of.window_ns: of.operand for of in circuit.inputs if isinstance(of, HeldInput)}
     assert windows == {7: source.activity("m0"), 9: source.activity("m1")}

@@ -9,7 +9,14 @@ from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.verify.equivalence.prove import prove
-from colony.verify.equivalence.results import Malformed, Proved, Result, Undecided, WrongActivity, WrongWinner
+from colony.verify.equivalence.results import (
+    EquivalenceProved,
+    EquivalenceUndecided,
+    Result,
+    WrongActivity,
+    WrongForm,
+    WrongWinner,
+)
 from colony.verify.testing.agreement import EXECUTORS, disagreement
 from tests.drawn.strategies import run_of_seed
 from tests.networks import chain, ladder, random_program
@@ -23,7 +30,7 @@ PASSES = [bug for bug in BUGS if bug.network and bug.name not in NOT_OF_THE_COMP
 @pytest.mark.parametrize("seed", range(120))
 def test_drawn_networks_are_proved(seed: int) -> None:
     program, _ = run_of_seed(seed, network=True)
-    assert isinstance(prove(program, compile_program(program)), Proved), seed
+    assert isinstance(prove(program, compile_program(program)), EquivalenceProved), seed
 
 
 @pytest.mark.parametrize(
@@ -34,7 +41,7 @@ def test_drawn_networks_are_proved(seed: int) -> None:
 def test_large_networks_are_proved(program: Program, clients: int | None) -> None:
     compilation = compile_program(program)
     result = prove(program, compilation)
-    assert isinstance(result, Proved)
+    assert isinstance(result, EquivalenceProved)
     assert result.obligations == 2 * len(compilation.clients.actuators[0].clients)
     assert clients is None or result.obligations == 2 * clients
     assert (result.by_solver == 0) == (result.questions == 0)
@@ -43,9 +50,9 @@ def test_large_networks_are_proved(program: Program, clients: int | None) -> Non
 def test_z3_decides_what_structure_does_not() -> None:
     program = random_program(60, 4)
     with_z3, without = (prove(program, compile_program(program), seconds=s) for s in (60, 0))
-    assert isinstance(with_z3, Proved)
+    assert isinstance(with_z3, EquivalenceProved)
     assert with_z3.by_solver > 0
-    assert isinstance(without, Undecided), "and it is not claimed where z3 was not asked"
+    assert isinstance(without, EquivalenceUndecided), "and it is not claimed where z3 was not asked"
 
 
 # --- what is found ---------------------------------------------------------------------------------
@@ -56,8 +63,8 @@ def first_found(bug: Bug, monkeypatch: pytest.MonkeyPatch) -> tuple[Program, Res
     for seed in range(400):
         program, _ = run_of_seed(seed, network=True)
         result = prove(program, pipeline.compile_program(program))
-        assert not isinstance(result, Undecided)
-        if not isinstance(result, Proved):
+        assert not isinstance(result, EquivalenceUndecided)
+        if not isinstance(result, EquivalenceProved):
             return program, result
     raise AssertionError(f"{bug.name}: nothing found")
 
@@ -65,7 +72,7 @@ def first_found(bug: Bug, monkeypatch: pytest.MonkeyPatch) -> tuple[Program, Res
 @pytest.mark.parametrize("bug", PASSES, ids=lambda bug: bug.name)
 def test_every_mistake_of_a_pass_is_found(bug: Bug, monkeypatch: pytest.MonkeyPatch) -> None:
     program, found = first_found(bug, monkeypatch)
-    assert not isinstance(found, Proved)
+    assert not isinstance(found, EquivalenceProved)
     if isinstance(found, WrongWinner | WrongActivity) and not found.frame.recent:
         replayed(program, found)
 
@@ -124,5 +131,5 @@ def test_priorities_that_are_not_n_to_1(monkeypatch: pytest.MonkeyPatch) -> None
     shifted(monkeypatch)
     program = chain(3)
     found = prove(program, pipeline.compile_program(program))
-    assert isinstance(found, Malformed)
+    assert isinstance(found, WrongForm)
     assert (found.found, found.expected) == ("the priorities 4, 3, 2", "3, 2, 1")

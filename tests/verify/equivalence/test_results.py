@@ -2,11 +2,11 @@ from __future__ import annotations
 
 from colony.verify.equivalence.results import (
     Activation,
-    Malformed,
-    Proved,
+    EquivalenceProved,
+    EquivalenceUndecided,
     Recent,
-    Undecided,
     WrongActivity,
+    WrongForm,
     WrongWinner,
     counterexample_text,
     merge_results,
@@ -54,15 +54,15 @@ def test_the_others_in_words() -> None:
     activity = WrongActivity(form="JSON", name="w", frame=frame, network=False, found=True)
     expected = "JSON: with a active, `w` is not active in the network, and active in what was compiled"
     assert counterexample_text(activity) == expected
-    malformed = Malformed(form="JSON", subject="drive", found="this", expected="that")
+    malformed = WrongForm(form="JSON", subject="drive", found="this", expected="that")
     assert counterexample_text(malformed) == "JSON: drive: found this, expected that"
-    undecided = Undecided(subjects=(("JSON", "drive"),), seconds=1.5)
+    undecided = EquivalenceUndecided(subjects=(("JSON", "drive"),), seconds=1.5)
     expected = "JSON: drive: z3 found neither a proof nor a counterexample within 1.5 s of steps"
     assert undecided_text(undecided) == expected
 
 
 def test_what_was_proved_in_words() -> None:
-    one = Proved(forms=("clients",), by_structure=3, by_solver=1, questions=2)
-    other = Proved(forms=("JSON",), by_structure=2, by_solver=0, questions=0)
+    one = EquivalenceProved(forms=("clients",), by_structure=3, by_solver=1, questions=2)
+    other = EquivalenceProved(forms=("JSON",), by_structure=2, by_solver=0, questions=0)
     expected = "proved: clients, JSON and network are the same (6 obligations: 5 by structure, 1 by z3)"
     assert proved_text(merge_results([one, other])) == expected

@@ -7,9 +7,9 @@ import pytest
 from colony.verify.equivalence.circuit import FALSE, TRUE, Activity, Circuit
 from colony.verify.equivalence.disagreement import evaluate, holds, minimal_inputs
 from colony.verify.equivalence.solver import (
-    Refuted,
+    CircuitSolver,
     Satisfied,
-    Solver,
+    Unsatisfiable,
     Unsettled,
     differ,
     obviously_unsatisfiable,
@@ -31,8 +31,8 @@ def test_equal_formulas_are_shown_equal_and_others_not() -> None:
     names = [f"m{i}" for i in range(12)]
     one, other = deep(circuit, names, 1), deep(circuit, names, 2)
     assert one != other
-    solver = Solver(circuit, 60_000)
-    assert solver.decide(differ(one, other)) == Refuted()
+    solver = CircuitSolver(circuit, 60_000)
+    assert solver.decide(differ(one, other)) == Unsatisfiable()
     answer = solver.decide(differ(one, other ^ 1))
     assert isinstance(answer, Satisfied)
     values = evaluate(circuit, answer.inputs)
@@ -44,7 +44,7 @@ def test_what_is_not_looked_at_is_not_taken_for_shown() -> None:
     circuit = Circuit()
     names = [f"m{i}" for i in range(12)]
     one, other = deep(circuit, names, 1), deep(circuit, names, 2)
-    solver = Solver(circuit, 60_000)
+    solver = CircuitSolver(circuit, 60_000)
     assert not solver.refutes(differ(one, other), near_limits=(3,))
     assert solver.refutes(differ(one, other))
 
@@ -53,7 +53,7 @@ def test_many_questions_are_one_question() -> None:
     circuit = Circuit()
     a, b, c = (circuit.input(Activity(name)) for name in "abc")
     both = circuit.both(a, circuit.either(b, c))
-    solver = Solver(circuit, 60_000)
+    solver = CircuitSolver(circuit, 60_000)
     true = [[(both,), (a ^ 1,)], [(both,), (b ^ 1,), (c ^ 1,)]]
     assert solver.refutes_each(true * 150)
     assert solver.question_count == 3
@@ -64,7 +64,7 @@ def test_without_time_nothing_is_asked_and_nothing_claimed() -> None:
     circuit = Circuit()
     names = [f"m{i}" for i in range(6)]
     one, other = deep(circuit, names, 1), deep(circuit, names, 2)
-    solver = Solver(circuit, 0)
+    solver = CircuitSolver(circuit, 0)
     assert solver.decide(differ(one, other)) is Unsettled.GAVE_UP
     assert not solver.refutes(differ(one, other))
     assert not solver.refutes_each([differ(one, other)])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from colony.dsl.load import load_text
-from colony.ir.frame import Record
+from colony.ir.frame import FrameEvent
 from colony.text.diagnostics import Diagnostic
 from colony.verify.lints import lint
 from colony.verify.lints.proof import replay
@@ -41,7 +41,7 @@ def test_limits_that_contradict_each_other_give_a_run() -> None:
     trace = contradict.run.trace
     outcome = replay(program, trace.snapshots)[-1]
     assert outcome == trace.outcomes[-1]
-    assert outcome.records == (Record("limits contradict", "drive.velocity"),)
+    assert outcome.records == (FrameEvent("limits contradict", "drive.velocity"),)
     assert trace.snapshots[-1].readings.get("bumper", True) is True
     assert trace.snapshots[-1].readings["level"] > 50  # type: ignore[operator]
 

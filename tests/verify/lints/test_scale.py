@@ -43,7 +43,7 @@ def counts(monkeypatch: pytest.MonkeyPatch) -> Counts:
         found.frames += 1
         return encode_frame(*args)  # type: ignore[arg-type]
 
-    def counted_claim(contract: object, *args: object) -> system.Claim:
+    def counted_claim(contract: object, *args: object) -> system.ContractFormula:
         claim = contract_claim(contract, *args)  # type: ignore[arg-type]
         found.claims.append(claim.name)
         return claim

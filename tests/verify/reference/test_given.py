@@ -10,7 +10,7 @@ import pytest
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.executor import ProgramExecutor
-from colony.ir.frame import Decision, Frame, Given
+from colony.ir.frame import Decision, Frame, OverriddenCommand
 from colony.ir.program import PythonModule, in_base_units, in_declared_units
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.frames import Choices
@@ -45,16 +45,16 @@ def both_executors(text: str) -> tuple[Interpreter, ProgramExecutor]:
     ("given", "sent", "true"),
     [
         (
-            Given((250.0,)),
+            OverriddenCommand((250.0,)),
             0.25,
             ("drive.velocity == 0.25 m/s", "drive is commanded", "not (drive is idle)", "cruise is active"),
         ),
-        (Given(), 0.0, ("drive.velocity == 0", "drive is idle", "not (drive is commanded)")),
+        (OverriddenCommand(), 0.0, ("drive.velocity == 0", "drive is idle", "not (drive is commanded)")),
     ],
     ids=["from outside", "of a late client"],
 )
 def test_contracts_see_the_command_that_an_actuator_is_given(
-    given: Given, sent: float, true: tuple[str, ...]
+    given: OverriddenCommand, sent: float, true: tuple[str, ...]
 ) -> None:
     for executor in both_executors(contracts(*true, "not (drive by cruise)")):
         outcome = executor.step(Frame(0, {"go": True}), given={"drive": given})
@@ -65,11 +65,11 @@ def test_contracts_see_the_command_that_an_actuator_is_given(
 def test_idle_hold_holds_what_was_given_last() -> None:
     text = contracts("lift.height == 70 mm", "lift.height <= 500 mm")
     for executor in both_executors(text):
-        first = executor.step(Frame(0, {"go": True}), given={"lift": Given()})
+        first = executor.step(Frame(0, {"go": True}), given={"lift": OverriddenCommand()})
         assert first.breaches == ("c0", "c1"), "nothing was sent yet"
         assert first.decisions[1] == Decision("lift", None, None)
-        second = executor.step(Frame(50 * MS, {"go": True}), given={"lift": Given((70.0,))})
-        third = executor.step(Frame(100 * MS, {"go": True}), given={"lift": Given()})
+        second = executor.step(Frame(50 * MS, {"go": True}), given={"lift": OverriddenCommand((70.0,))})
+        third = executor.step(Frame(100 * MS, {"go": True}), given={"lift": OverriddenCommand()})
         assert (second.breaches, third.breaches) == ((), ())
         assert executor.step(Frame(150 * MS, {"go": True})).breaches == ("c0",)
 
@@ -80,7 +80,7 @@ def test_bounds_are_those_of_the_frame_whoever_commands() -> None:
     drive, lift = interpreter.program.robot.actuators
     interpreter.step(Frame(0, {"go": False}))
     assert interpreter.bounds(drive) == ((-1000.0, 1000.0),)
-    interpreter.step(Frame(50 * MS, {"go": True}), given={"drive": Given((0.0,))})
+    interpreter.step(Frame(50 * MS, {"go": True}), given={"drive": OverriddenCommand((0.0,))})
     assert interpreter.bounds(drive) == ((-1000.0, 300.0),)
     assert interpreter.bounds(lift) is None, "they contradict each other"
 
@@ -106,12 +106,12 @@ def test_a_command_at_a_bound_reads_back_as_the_bound(unit: str, bound: float) -
             actuator = load_text(text).robot.actuators[0]
             declared = in_declared_units((bound,), actuator.fields)
             assert declared is not None
-            given = {"spin": Given(in_base_units(declared, actuator.fields))}
+            given = {"spin": OverriddenCommand(in_base_units(declared, actuator.fields))}
             outcome = executor.step(Frame(0, {}), given=given)
             assert outcome.breaches == ()
             assert outcome.decisions[0].values == declared
             beyond = 1e-9 if relation == "<=" else -1e-9
-            wrong = executor.step(Frame(50 * MS, {}), given={"spin": Given((bound + beyond,))})
+            wrong = executor.step(Frame(50 * MS, {}), given={"spin": OverriddenCommand((bound + beyond,))})
             assert wrong.breaches == ("held",)
 
 
@@ -131,7 +131,13 @@ def test_a_late_client_breaks_no_contract_in_time() -> None:
         steps = [
             executor.step(frame._replace(t_ns=k * MS), given=given).breaches
             for k, given in enumerate(
-                ({}, {"lift": Given()}, {"drive": Given()}, {}, {"drive": Given((70.0,))})
+                (
+                    {},
+                    {"lift": OverriddenCommand()},
+                    {"drive": OverriddenCommand()},
+                    {},
+                    {"drive": OverriddenCommand((70.0,))},
+                )
             )
         ]
         assert steps == [
@@ -148,7 +154,7 @@ def test_what_a_contract_in_time_remembers_is_memory_of_the_program(is_late: boo
     text = f"{TEXT}contract c in time: not previous(drive is idle, false)"
     program = load_text(text)
     writing = ProgramExecutor(compile_program(program).compiled, simplified=False)
-    writing.step(Frame(0, {}), given={"drive": Given()} if is_late else {})
+    writing.step(Frame(0, {}), given={"drive": OverriddenCommand()} if is_late else {})
     memory = writing.memory
     assert memory is not None
     resumed, reading = (
@@ -165,15 +171,15 @@ def test_what_a_contract_in_time_remembers_is_memory_of_the_program(is_late: boo
         assert executor.step(Frame(50 * MS, {})).breaches == expected
 
 
-def drawn_given(choices: Choices, interpreter: Interpreter) -> dict[str, Given]:
+def drawn_given(choices: Choices, interpreter: Interpreter) -> dict[str, OverriddenCommand]:
     """Draw what some actuators are given."""
     given = {}
     for actuator in interpreter.program.robot.actuators:
         if choices.one_in(3):
-            given[actuator.name] = Given()
+            given[actuator.name] = OverriddenCommand()
         elif choices.one_in(3):
             is_bool = [type(f.type).__name__ == "Bool" for f in actuator.fields]
-            given[actuator.name] = Given(
+            given[actuator.name] = OverriddenCommand(
                 tuple(choices.one_in(2) if b else float(choices.up_to(9)) for b in is_bool)
             )
     return given

@@ -8,7 +8,7 @@ import pytest
 
 from colony.dsl.load import load_text
 from colony.ir.expression import Constant
-from colony.ir.frame import Frame, Record
+from colony.ir.frame import Frame, FrameEvent
 from colony.ir.program import Chain, Module, Program, Use, Wire
 from colony.ir.types import BOOL
 from colony.verify.reference.interpreter import Interpreter
@@ -32,7 +32,7 @@ def test_base_units_are_taken_as_they_are() -> None:
     outcome = interpreter.step_in_base_units(0, {"far": 2.0, "three": [0.1, 1000, 1001]})
     assert interpreter._moment.sensors["far"] == 2.0
     assert interpreter._moment.sensors["three"] == (0.1, 1000.0, 1000.0)
-    assert outcome.records == (Record("sensor clamped", "three"),)
+    assert outcome.records == (FrameEvent("sensor clamped", "three"),)
 
 
 def chain() -> tuple[Wire, ...]:

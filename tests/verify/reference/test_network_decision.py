@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from colony.compile.pipeline import compile_program
 from colony.execute.executor import ProgramExecutor
-from colony.ir.frame import Given
+from colony.ir.frame import OverriddenCommand
 from colony.verify.reference.interpreter import Interpreter
 from tests.drawn.strategies import Run, network_runs
 
@@ -20,7 +20,7 @@ def test_the_network_decides_the_same_whatever_is_given(run: Run, data: st.DataO
     executor = ProgramExecutor(compile_program(program).compiled)
     for frame in frames:
         others = {
-            a.name: Given(None if a.idle is None or data.draw(st.booleans()) else a.idle)
+            a.name: OverriddenCommand(None if a.idle is None or data.draw(st.booleans()) else a.idle)
             for a in actuators
             if data.draw(st.booleans())
         }

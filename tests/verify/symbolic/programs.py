@@ -6,7 +6,7 @@ import z3
 
 from colony.dsl.load import load_text
 from colony.ir.program import Program
-from colony.verify.symbolic.system import Claim, System
+from colony.verify.symbolic.system import ContractFormula, System
 from colony.verify.symbolic.unrolling import Unrolling, cone
 
 ROBOT = """
@@ -41,5 +41,5 @@ def broken(system: System, name: str, frames: int = 1, initial: bool = False) ->
     return solver
 
 
-def claim_of(system: System, name: str) -> Claim:
+def claim_of(system: System, name: str) -> ContractFormula:
     return next(c for c in system.claims if c.name == name)

@@ -19,9 +19,9 @@ from colony.ir.expression import Function
 from colony.verify.reference import expressions as floats
 from colony.verify.symbolic.system import (
     Auxiliary,
+    ExtendedReal,
     FactKind,
     Inexact,
-    Number,
     Operation,
     Scalar,
     System,
@@ -109,7 +109,7 @@ class Values:
 
     def scalar(self, x: Scalar) -> bool | float | Real:
         """A truth, NaN or an infinity, or a real."""
-        if not isinstance(x, Number):
+        if not isinstance(x, ExtendedReal):
             return self.truth(x)
         if self.truth(x.nan):
             return math.nan
@@ -237,7 +237,7 @@ class Values:
         assert key in self.program.definitions, "an input or cell without a value"
         return self._of(self.program.definitions[key])
 
-    def _overflows(self, x: Number) -> bool:
+    def _overflows(self, x: ExtendedReal) -> bool:
         """Open where the float may be infinite; what it is for the real is false."""
         value = self.real(x.value)
         if abs(value.value) + value.error > GREATEST:
@@ -279,7 +279,7 @@ class Values:
             raise OpenTermError
         return math.isinf(angles.tangent(float(x.value)))
 
-    def _operand(self, x: Number) -> Real | float:
+    def _operand(self, x: ExtendedReal) -> Real | float:
         value = self.scalar(x)
         assert not isinstance(value, bool)
         return value

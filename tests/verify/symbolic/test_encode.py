@@ -9,7 +9,7 @@ import z3
 
 from colony.dsl.load import load_file
 from colony.verify.symbolic.encode import encode
-from colony.verify.symbolic.system import Bounds, Inexact, Number, System
+from colony.verify.symbolic.system import ExtendedReal, Inexact, NumberBounds, System
 from colony.verify.symbolic.unrolling import Unrolling
 from tests.drawn.strategies import run_of_seed
 from tests.paths import ROOT
@@ -29,9 +29,9 @@ def names(system: System) -> list[str]:
     return [c.name for c in system.cells]
 
 
-def number(system: System, name: str) -> Number:
+def number(system: System, name: str) -> ExtendedReal:
     value = system.states[name]
-    assert isinstance(value, Number)
+    assert isinstance(value, ExtendedReal)
     return value
 
 
@@ -69,7 +69,7 @@ def test_memory_is_shared_by_what_remembers_the_same_in_the_same_frames(
 
 def test_what_is_clamped_before_it_is_kept_stays_within() -> None:
     system = encode(program("state v : mm = 10 mm  next v = clamp(0.5 * v + x, 5 mm, 300 mm)"))
-    assert number(system, "v").bounds == Bounds(Fraction(5), Fraction(300))
+    assert number(system, "v").bounds == NumberBounds(Fraction(5), Fraction(300))
     assert "v.infinite" not in names(system)
     assert "v.nan" not in names(system)
 

@@ -15,7 +15,7 @@ from colony.verify.reference.interpreter import Interpreter
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.generalization import generalize
 from colony.verify.symbolic.logic import real
-from colony.verify.symbolic.system import Inexact, Number, System, Term
+from colony.verify.symbolic.system import ExtendedReal, Inexact, System, Term
 from colony.verify.symbolic.unrolling import Unrolling
 from tests.drawn.strategies import run_of_seed
 from tests.paths import BEHAVIORS as SHIPPED
@@ -153,7 +153,7 @@ def _equal(term: Term, value: Value) -> Iterator[z3.BoolRef]:
             yield from _equal(x, v)
         return
     assert not isinstance(value, tuple)
-    if not isinstance(term, Number):
+    if not isinstance(term, ExtendedReal):
         yield term == bool(value)
     elif value != value:
         yield term.nan

@@ -8,12 +8,12 @@ import z3
 
 from colony.verify.symbolic.logic import FALSE
 from colony.verify.symbolic.numbers import changed_bounds
-from colony.verify.symbolic.system import Bounds, Number
+from colony.verify.symbolic.system import ExtendedReal, NumberBounds
 
 
-def number(name: str, low: int, high: int, *branches: Number) -> Number:
-    bounds = Bounds(low=Fraction(low), high=Fraction(high))
-    return Number(z3.Real(name), FALSE, FALSE, bounds, branches=branches)
+def number(name: str, low: int, high: int, *branches: ExtendedReal) -> ExtendedReal:
+    bounds = NumberBounds(low=Fraction(low), high=Fraction(high))
+    return ExtendedReal(z3.Real(name), FALSE, FALSE, bounds, branches=branches)
 
 
 def test_branches_that_change_count() -> None:
@@ -23,7 +23,9 @@ def test_branches_that_change_count() -> None:
     assert changed_bounds(number("a", 0, 9, old, near), old) == near.bounds
     either = number("b", 0, 9, number("c", 0, 9, old, far), old)
     assert changed_bounds(either, old) == far.bounds
-    assert changed_bounds(number("d", 0, 8, either, near), old) == Bounds(low=Fraction(0), high=Fraction(8))
+    assert changed_bounds(number("d", 0, 8, either, near), old) == NumberBounds(
+        low=Fraction(0), high=Fraction(8)
+    )
 
 
 def test_branches_that_are_shared_are_looked_at_once() -> None:

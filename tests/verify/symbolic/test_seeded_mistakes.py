@@ -13,10 +13,10 @@ import z3
 
 from colony.ir.frame import Frame, Reading
 from colony.ir.program import Machine, Module, Transition
-from colony.verify.symbolic import arithmetic, inputs, memory, modules, network, numbers, sending
+from colony.verify.symbolic import arithmetic, inputs, memory, modules, network, numbers
 from colony.verify.symbolic.logic import FALSE, TRUE, both, either, integer, negation
 from colony.verify.symbolic.numbers import select_number
-from colony.verify.symbolic.system import ModuleTerms, Number
+from colony.verify.symbolic.system import ExtendedReal, ModuleTerms
 from tests.verify.symbolic.programs import program
 from tests.verify.symbolic.trust import Trust
 from tests.verify.testing.bugs_in_failsafe import as_ordinary, kept_by_those_above, passed_over
@@ -152,20 +152,20 @@ def a_suppressor_inhibits(patch: pytest.MonkeyPatch) -> None:
 
 
 def a_limit_needs_what_it_reads(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(sending, "missing", lambda e, frame_values: FALSE)
+    patch.setattr(network, "missing", lambda e, frame_values: FALSE)
 
 
 def only_the_first_limit_counts(patch: pytest.MonkeyPatch) -> None:
-    original = sending._bounded
+    original = network._bounded
 
-    def bounded(x: Number, field: Any, bounds: Sequence[Any]) -> Number:
+    def bounded(x: ExtendedReal, field: Any, bounds: Sequence[Any]) -> ExtendedReal:
         return original(x, field, bounds[:1])
 
-    patch.setattr(sending, "_bounded", bounded)
+    patch.setattr(network, "_bounded", bounded)
 
 
 def what_is_not_finite_is_sent(patch: pytest.MonkeyPatch) -> None:
-    patch.setattr(sending, "finite", lambda x: negation(x.nan))
+    patch.setattr(network, "finite", lambda x: negation(x.nan))
 
 
 def halves_round_up(patch: pytest.MonkeyPatch) -> None:
@@ -192,7 +192,7 @@ def an_infinity_is_its_sign(patch: pytest.MonkeyPatch) -> None:
 def the_remainder_has_the_sign_of_the_dividend(patch: pytest.MonkeyPatch) -> None:
     original = arithmetic.Arithmetic._modulo_by_constant
 
-    def modulo(self: arithmetic.Arithmetic, x: Number, divisor: float) -> Number:
+    def modulo(self: arithmetic.Arithmetic, x: ExtendedReal, divisor: float) -> ExtendedReal:
         result = original(self, x, divisor)
         return select_number(numbers.negative_value(x), numbers.negated(result), result)
 

@@ -13,7 +13,7 @@ from colony.ir.frame import Frame
 from colony.ir.program import Program
 from colony.verify.symbolic import functions
 from colony.verify.symbolic.encode import encode
-from colony.verify.symbolic.system import Number, Reason
+from colony.verify.symbolic.system import ExtendedReal, Reason
 from colony.verify.symbolic.unrolling import reasons_of
 from colony.verify.testing.frames import Choices, draw_trace, frames_of
 from tests.drawn.strategies import run_of_seed
@@ -288,7 +288,7 @@ def _reasons(expression: str) -> tuple[Reason, ...]:
     value = system.derived["v"][1]
     terms: list[z3.ExprRef] = []
     for x in value if isinstance(value, tuple) else (value,):
-        terms += (x.value, x.nan, x.infinite) if isinstance(x, Number) else (x,)
+        terms += (x.value, x.nan, x.infinite) if isinstance(x, ExtendedReal) else (x,)
     return reasons_of(system, *terms)
 
 

@@ -21,7 +21,7 @@ from colony.verify.reference.interpreter import Interpreter
 from colony.verify.reference.kleene import Known as Known3
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.logic import is_false
-from colony.verify.symbolic.system import Inexact, Number, Scalar, System, Term
+from colony.verify.symbolic.system import ExtendedReal, Inexact, Scalar, System, Term
 from colony.verify.symbolic.unrolling import reasons_of
 from tests.verify.symbolic import term_values
 from tests.verify.symbolic.term_values import Known, OpenTermError, Real, Values
@@ -72,7 +72,7 @@ class Trust:
 
     def is_exact(self, x: Scalar) -> bool:
         """Whether nothing that `x` depends on is inexact; what Python answers is given here."""
-        terms = (x.value, x.nan, x.infinite) if isinstance(x, Number) else (x,)
+        terms = (x.value, x.nan, x.infinite) if isinstance(x, ExtendedReal) else (x,)
         key = tuple(t.get_id() for t in terms)
         if key not in self.exact:
             reasons = reasons_of(self.system, *terms)
@@ -136,7 +136,7 @@ class _Run:
             given[answer.answers.get_id()] = command is not None
             given[answer.blind.get_id()] = self.interpreter.is_blind(name)
             for x, field_ in zip(answer.fields, command or (0.0,) * len(answer.fields), strict=True):
-                given.update(_assigned(x, field_ if command or isinstance(x, Number) else False))
+                given.update(_assigned(x, field_ if command or isinstance(x, ExtendedReal) else False))
         return given
 
     # --- comparing -------------------------------------------------------------------------------
@@ -223,7 +223,7 @@ def _agrees(found: bool | float | Real, expected: ScalarValue) -> bool:
 
 def _assigned(x: Scalar, value: ScalarValue) -> dict[int, Known | OpenTermError]:
     """The constants of an input that has a value."""
-    if not isinstance(x, Number):
+    if not isinstance(x, ExtendedReal):
         return {x.get_id(): bool(value)}
     given: dict[int, Known | OpenTermError] = {}
     sign = Fraction(0 if math.isnan(value) else 1 if value > 0 else -1)

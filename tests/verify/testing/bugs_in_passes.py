@@ -14,10 +14,10 @@ from colony.compile.guards import ActuatorClients, Always, And, Client, ClientLi
 from colony.compile.network import (
     GatedSuppressor,
     Inhibitor,
-    Link,
     ModuleLeaf,
     Network,
     NetworkNode,
+    NodeUse,
     SuppressionNetwork,
     Suppressor,
 )
@@ -171,7 +171,7 @@ def numbered_at_first_visit(monkeypatch: pytest.MonkeyPatch) -> None:
     replace_pass(monkeypatch, "forward_traversal", traverse)
 
 
-def first_visits(given: SuppressionNetwork, root: Link) -> list[str]:
+def first_visits(given: SuppressionNetwork, root: NodeUse) -> list[str]:
     """Modules in the order of a forward traversal, each at its first visit."""
     visited: dict[str, None] = {}
     stack = [root.node]

@@ -11,7 +11,7 @@ from colony.ir.frame import Executor, Frame, Outcome
 from colony.ir.program import Program
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, Disagreement
-from colony.verify.testing.differential import Report, try_traces
+from colony.verify.testing.differential import DifferentialReport, try_traces
 from tests.programs import program
 
 BACKS_OFF = """
@@ -22,7 +22,7 @@ network { out = stop inhibits (back suppresses cruise) }
 """
 
 
-def last(of: Program, count: int = 60, seed: int = 1, **options: object) -> Report:
+def last(of: Program, count: int = 60, seed: int = 1, **options: object) -> DifferentialReport:
     """The report after all traces."""
     *_, report = try_traces(of, count, seed, **options)  # type: ignore[arg-type]
     assert report.finished

@@ -31,7 +31,7 @@ from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
 from colony.runtime.protocol.calls import CallId, RefusedError
 from colony.runtime.protocol.images import Image
-from colony.vision.lights.ceiling_camera import UPWARD, CeilingCamera
+from colony.vision.lights.ceiling_camera import UPWARD, CeilingCameraModel
 from tests.kit.script_stage import ASKED, FRAME_NS, ScriptStage, Server, Shutter
 
 FRAME_S = FRAME_NS / 1e9
@@ -57,7 +57,7 @@ def rendered(
     along_mm: float,
     left_mm: float = 0.0,
     tilt_deg: float = 0.0,
-    camera: CeilingCamera = UPWARD,
+    camera: CeilingCameraModel = UPWARD,
 ) -> NDArray[np.uint8]:
     """The scan lines of a camera that is so far along a corridor, to the left of its middle, and tilted."""
     columns = (np.arange(camera.columns * _SAMPLES) + 0.5) / _SAMPLES - 0.5
@@ -160,7 +160,7 @@ class Stage(ScriptStage):
         *,
         seed: int,
         goals: Sequence[Sequence[float]],
-        cameras: Mapping[str, CeilingCamera] | None = None,
+        cameras: Mapping[str, CeilingCameraModel] | None = None,
         patience_s: float | None = None,
         lights: int | None = None,
     ) -> None:
@@ -215,7 +215,7 @@ class Stage(ScriptStage):
             over = yield from do("DServer", data.get(OVERSHOOT, type=float))
             self.log.overshoots.append((self.base.along_mm, over))
 
-    def _image(self, geometry: CeilingCamera) -> Image:
+    def _image(self, geometry: CeilingCameraModel) -> Image:
         """Mounted to the left, a camera is where a robot further to the left would have it."""
         at = replace(geometry, left_mm=0.0, ahead_mm=0.0)
         lines = rendered(

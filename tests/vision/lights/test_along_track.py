@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from colony.vision.lights.track import Scale, TrackEstimate
+from colony.vision.lights.track import OdometryScale, TrackEstimate
 
 LANDMARK_MM2 = 20.0**2
 
@@ -34,7 +34,7 @@ def test_the_scale_is_learned_from_landmark_to_landmark() -> None:
 
 
 def test_a_slip_moves_the_place_and_not_the_scale() -> None:
-    scale = Scale(error=0.004, variance=0.001**2)
+    scale = OdometryScale(error=0.004, variance=0.001**2)
     reckoning = TrackEstimate(scale=scale).updated(0.0, LANDMARK_MM2)
     slipped = reckoning.moved(5000.0).updated(20.0 - 150.0, LANDMARK_MM2)
     assert slipped.error_mm == pytest.approx(-130.0, abs=10.0)
@@ -42,7 +42,7 @@ def test_a_slip_moves_the_place_and_not_the_scale() -> None:
 
 
 def test_what_is_told_to_the_odometry_is_no_error_any_more() -> None:
-    reckoning = TrackEstimate(scale=Scale(error=0.01)).moved(5000.0).updated(40.0, LANDMARK_MM2)
+    reckoning = TrackEstimate(scale=OdometryScale(error=0.01)).moved(5000.0).updated(40.0, LANDMARK_MM2)
     corrected = reckoning.corrected(reckoning.error_mm)
     assert corrected.error_mm == 0.0
     assert corrected.progress_mm == pytest.approx(reckoning.progress_mm)

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from colony.vision.lights.ceiling_camera import UPWARD
-from colony.vision.lights.scan_lines import Light, Lines, ceiling_lights, line_lights
+from colony.vision.lights.scan_lines import Lines, SeenLight, ceiling_lights, line_lights
 from tests.vision.lights.corridors import Ceiling, rendered
 
 LIT = Ceiling(lights=((0.0, 240.0),))
 
 
-def lights_in(lines: Lines, tilt_deg: float = 0.0) -> tuple[Light, ...]:
+def lights_in(lines: Lines, tilt_deg: float = 0.0) -> tuple[SeenLight, ...]:
     return ceiling_lights(lines, UPWARD, tilt_deg=tilt_deg)
 
 
-def one_in(lines: Lines, tilt_deg: float = 0.0) -> Light:
+def one_in(lines: Lines, tilt_deg: float = 0.0) -> SeenLight:
     (light,) = lights_in(lines, tilt_deg)
     return light
 

@@ -4,13 +4,13 @@ import math
 
 import pytest
 
-from colony.vision.lights.scan_lines import Light
+from colony.vision.lights.scan_lines import SeenLight
 from colony.vision.lights.track import (
     LightDetections,
     LightGoal,
     LightPassing,
     LightTrack,
-    Scale,
+    OdometryScale,
     tolerance_mm,
 )
 
@@ -37,7 +37,7 @@ def travel(
         true += STEP_MM
         reported = scale * true + off_mm
         tilt = turned_deg
-        seen = tuple(Light(p - true, tilt, 3, True, 1.0) for p in lights if abs(p - true) <= VIEW_MM)
+        seen = tuple(SeenLight(p - true, tilt, 3, True, 1.0) for p in lights if abs(p - true) <= VIEW_MM)
         track = track.observed(LightDetections(seen, reported, 0.0))
         track, passing = track.passing(reported)
         if passing is not None:
@@ -45,8 +45,8 @@ def travel(
     return track, passed
 
 
-def start(scale: Scale | None = None) -> LightTrack:
-    return LightTrack.start(GOAL, scale or Scale())
+def start(scale: OdometryScale | None = None) -> LightTrack:
+    return LightTrack.start(GOAL, scale or OdometryScale())
 
 
 def test_lights_count_when_the_center_is_below_them() -> None:
@@ -122,7 +122,7 @@ def test_two_strays_as_far_apart_as_two_lights_tell_a_lost_robot_where_it_is() -
 
 
 def test_half_a_light_counts_only_until_one_is_seen_whole() -> None:
-    half, whole = Light(500.0, None, 2, False, 0.3), Light(380.0, None, 3, True, 1.0)
+    half, whole = SeenLight(500.0, None, 2, False, 0.3), SeenLight(380.0, None, 3, True, 1.0)
     track = start().observed(LightDetections((half,), 1480.0, 0.0))
     assert (track.errors_mm, track.seen_whole) == ((20.0,), False)
     track = track.observed(LightDetections((whole,), 1620.0, 0.0))
@@ -155,7 +155,7 @@ def test_progress_and_tilt_are_along_the_direction(heading: float) -> None:
 
 def test_a_goal_without_lights_is_done() -> None:
     goal = LightGoal(direction_deg=0.0, x_mm=0.0, y_mm=0.0, lights_mm=())
-    track = LightTrack.start(goal, Scale())
+    track = LightTrack.start(goal, OdometryScale())
     assert track.done
     assert track.passing(1000.0) == (track, None)
     assert track.to_next(0.0) is None

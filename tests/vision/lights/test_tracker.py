@@ -14,7 +14,7 @@ from colony.nav.maps.stickrep.model import EdgeKind
 from colony.nav.maps.walls import Walls
 from colony.nav.pose.estimate import pose_estimator
 from colony.nav.pose.pose import fix_of
-from colony.nav.pose.tracker import Source
+from colony.nav.pose.tracker import PoseSource
 from colony.nav.shared import (
     CEILING_LIGHT,
     END_L_MODE,
@@ -30,8 +30,7 @@ from colony.nav.shared import (
     GoalKind,
 )
 from colony.runtime.kit.errors import CallRefusedError
-from colony.runtime.kit.script import Script, do, sleep
-from colony.runtime.kit.script_local import ScriptError
+from colony.runtime.kit.script import Script, ScriptError, do, sleep
 from colony.runtime.library import data, robot
 from colony.runtime.library.robot import Position
 from colony.sim.cameras.ceiling import CeilingCamera
@@ -78,7 +77,7 @@ def driven(
     print(f"seed {seed}")
     scripts = {"tracker": light_tracker(**kinds)}
     if not alone:
-        scripts["estimator"] = pose_estimator({"": NO_WALLS}, sources=frozenset({Source.LIGHTS}))
+        scripts["estimator"] = pose_estimator({"": NO_WALLS}, sources=frozenset({PoseSource.LIGHTS}))
     stage = Stage(ceiling, robot, scripts, seed=seed, goals=goals, patience_s=patience_s)
     stage.run(seconds)
     return stage
@@ -352,7 +351,7 @@ def lead(world: World, log: list[tuple[float, int, float]]) -> Script:
 def estimator() -> Script:
     """Corrects the position by the lights alone."""
     walls = Walls(segments=WALLS, kinds=(EdgeKind.WALL,) * len(WALLS), attributes=("",) * len(WALLS))
-    return pose_estimator({"": walls}, sources=frozenset({Source.LIGHTS}))
+    return pose_estimator({"": walls}, sources=frozenset({PoseSource.LIGHTS}))
 
 
 @pytest.mark.parametrize("order", [1, 2])

@@ -24,8 +24,8 @@ from colony.nav.shared import (
     MARKER_FIX,
     GoalKind,
 )
-from colony.runtime.assembly.loop import LocalCamera
-from colony.runtime.kit.script_local import LocalServer, ScriptError
+from colony.runtime.assembly.loop import LocalCamera, LocalServer
+from colony.runtime.kit.script import ScriptError
 from colony.runtime.protocol.calls import RefusedError
 from colony.runtime.servers.base import Base
 from colony.sim.cameras.camera import Camera

@@ -7,7 +7,7 @@ import pytest
 
 from colony.nav.pose.pose import fix_of
 from colony.nav.shared import FLOOR, GOAL_DIRECTION, PLATE_FIX, PLATE_SEEN
-from colony.runtime.kit.script_local import ScriptError
+from colony.runtime.kit.script import ScriptError
 from colony.runtime.library import camera as cameras
 from colony.runtime.protocol.calls import CallId, NoArguments, RefusedError
 from colony.runtime.protocol.connections import Caller

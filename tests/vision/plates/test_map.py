@@ -5,7 +5,7 @@ import pytest
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
-from colony.vision.detections import Reading
+from colony.vision.detections import PlateReading
 from colony.vision.plates.observations import MAX_GATE_MM, MIN_GATE_MM, PlateObservation, gate_mm, match_plate
 
 
@@ -15,7 +15,7 @@ def hung(door: str, y: float, x: float = -1500.0, heading: float = 90.0) -> Plat
 
 
 PLATES = (hung("352", 0.0), hung("354", 2000.0), hung("353", 0.0, x=-1700.0, heading=270.0))
-LOOK = PlateObservation(0, Pose(0.0, 0.0, 0.0), 90.0, 0.0, 1500.0, 0.0, 1.0, Reading("", 0.0))
+LOOK = PlateObservation(0, Pose(0.0, 0.0, 0.0), 90.0, 0.0, 1500.0, 0.0, 1.0, PlateReading("", 0.0))
 
 
 def door_at(

@@ -11,14 +11,14 @@ from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.geometry import Point
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.pose.filter import JumpLimit, PoseFilter, Uncertainty
-from colony.vision.detections import PlateBox, Reading
+from colony.vision.detections import PlateBox, PlateReading
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.observations import PlateObservation, fix_of_plate, observe_plate
 from studies.thesis.wall_view import WallView
 from tests.nav.sonars import RING
 from tests.vision.plates.walls import corners_of, plate
 
-NOTHING = Reading("", 0.0)
+NOTHING = PlateReading("", 0.0)
 PLATE = Plate(
     edge=0, start_mm=0.0, end_mm=356.0, center=Point(100.0, 1900.0), heading_deg=10.0, door="352", text="352"
 )

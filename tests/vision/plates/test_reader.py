@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from colony.vision.detections import Corner, PlateBox, Reading
+from colony.vision.detections import Corner, PlateBox, PlateReading
 from colony.vision.letters.decoding import LetterNet, network, packed, unpacked
 from colony.vision.plates.reader import combine_readings, read_plate
 from tests.sampling import sampled
@@ -23,7 +23,7 @@ def _box(look: Sample) -> PlateBox:
     return PlateBox(look.corners, 1.0)
 
 
-def _read(look: Sample) -> Reading:
+def _read(look: Sample) -> PlateReading:
     return read_plate(look.image, _box(look))
 
 
@@ -145,25 +145,25 @@ def test_what_is_no_gray_image_is_refused(image: np.ndarray) -> None:
 
 
 def test_looks_that_disagree_are_weighed_by_their_confidence() -> None:
-    faint = Reading("346", 0.5, (("348", 0.45),))
-    clear = Reading("348", 0.9, (("346", 0.08),))
+    faint = PlateReading("346", 0.5, (("348", 0.45),))
+    clear = PlateReading("348", 0.9, (("346", 0.08),))
     assert combine_readings([faint, faint, clear]).text == "348"
     assert combine_readings([faint, faint]).text == "346"
     assert combine_readings([faint, faint, faint]).confidence > faint.confidence
 
 
 def test_one_look_at_something_else_does_not_spoil_the_rest() -> None:
-    good, other = Reading("346", 0.99), Reading("", 1.0)
+    good, other = PlateReading("346", 0.99), PlateReading("", 1.0)
     assert combine_readings([good, other, good]).text == "346"
     assert combine_readings([other, good, other]).text == ""
 
 
 def test_no_looks_tell_nothing() -> None:
-    assert combine_readings([]) == Reading("", 0.0)
+    assert combine_readings([]) == PlateReading("", 0.0)
 
 
 def test_one_look_is_itself() -> None:
-    look = Reading("346", 0.8, (("348", 0.15),))
+    look = PlateReading("346", 0.8, (("348", 0.15),))
     once = combine_readings([look])
     assert once.text == "346"
     assert once.confidence == pytest.approx(0.8, abs=0.06)

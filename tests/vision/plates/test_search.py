@@ -7,7 +7,7 @@ import pytest
 
 from colony.nav.maps.signs import Plate
 from colony.nav.maps.stickrep.model import Pose
-from colony.vision.detections import PlateBox, Reading
+from colony.vision.detections import PlateBox, PlateReading
 from colony.vision.gray_images import Gray
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.observations import FoundPlate
@@ -94,10 +94,10 @@ def test_nothing_is_looked_for_at_steep_angles() -> None:
 def test_what_is_read_counts_by_all_looks() -> None:
     seen: list[tuple[int, ...]] = []
 
-    def reader(image: Gray, box: PlateBox) -> Reading:
+    def reader(image: Gray, box: PlateBox) -> PlateReading:
         seen.append(image.shape)
         # The first look is misread.
-        return Reading("362", 0.6) if len(seen) == 1 else Reading("352", 0.9)
+        return PlateReading("362", 0.6) if len(seen) == 1 else PlateReading("352", 0.9)
 
     hall = replace(HALL, boards=(plate("352", 0.0),))
     (found_plate,) = searched(hall, PlateSearch(SIDE, reader))
@@ -131,13 +131,13 @@ def test_with_the_map_what_hangs_elsewhere_is_none() -> None:
 def test_what_reads_now_as_this_and_now_as_that_is_no_plate() -> None:
     texts = iter("W00 NFD W60 NFOD W00 N0 NFOD I W00 NFD N0 W60 NFOD N W0 W00".split())
 
-    def reader(image: Gray, box: PlateBox) -> Reading:
-        return Reading(next(texts), 0.5)
+    def reader(image: Gray, box: PlateBox) -> PlateReading:
+        return PlateReading(next(texts), 0.5)
 
     hall = replace(HALL, boards=(plate("352", 0.0),))
     assert searched(hall, PlateSearch(SIDE, reader)) == []
-    assert searched(hall, PlateSearch(SIDE, lambda image, box: Reading("", 0.9))) == []
-    assert len(searched(hall, PlateSearch(SIDE, lambda image, box: Reading("", 0.9)), known(hall))) == 1
+    assert searched(hall, PlateSearch(SIDE, lambda image, box: PlateReading("", 0.9))) == []
+    assert len(searched(hall, PlateSearch(SIDE, lambda image, box: PlateReading("", 0.9)), known(hall))) == 1
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import pytest
 
 from colony.nav.maps.stickrep.model import Pose
-from colony.vision.detections import Reading
+from colony.vision.detections import PlateReading
 from colony.vision.level_camera import SIDE
 from colony.vision.plates.observations import PlateObservation
 from colony.vision.plates.search import DROP_MM, PlateTracks
@@ -28,7 +28,7 @@ def observations(
         depth = math.hypot(dx, dy) * math.cos(math.radians(bearing))
         if abs(bearing) < 25.0:
             found.append(
-                PlateObservation(t_ns, robot, axis, bearing, scale * depth, 0.0, 1.0, Reading("", 0.0))
+                PlateObservation(t_ns, robot, axis, bearing, scale * depth, 0.0, 1.0, PlateReading("", 0.0))
             )
     return found
 

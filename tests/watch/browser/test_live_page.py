@@ -93,7 +93,7 @@ def test_the_page_says_that_no_program_runs_until_one_does(machine: Machine, bro
     assert browser.run("return document.querySelector('#network').hidden")
     until(lambda: browser.text("#mode") == "live", "it is live")
     until(lambda: "nearest" in browser.text("#polars"), "the sonars are shown")
-    run = machine.start("run", WANDER, "--connect", "--robot", ROBOT)
+    run = machine.start("drive", WANDER, "--robot", ROBOT)
     until(lambda: browser.text("#title").startswith("run "), "the page shows the run")
     until(lambda: "won" in browser.text("#network .module.won .state"), "a module commands")
     assert not browser.run("return document.querySelector('#network').hidden")

@@ -12,9 +12,7 @@ import pytest
 from websockets.sync.server import ServerConnection, serve
 from websockets.typing import Subprotocol
 
-from colony.watch.security import PROTOCOL
-from colony.watch.serving import PageServer
-from colony.watch.user_files import page_link
+from colony.watch.serving import PROTOCOL, PageServer, page_link
 from colony.watch.watched import StopAnswer
 from tests.waiting import until
 from tests.watch.browser.chromium import AXE, SIZES, Browser, needs_chromium

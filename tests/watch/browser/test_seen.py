@@ -11,8 +11,7 @@ from colony.nav.shared import POSE
 from colony.runtime.library import data
 from colony.runtime.servers.cserver import CServer
 from colony.runtime.servers.dserver import DServer
-from colony.watch.asking import Asker, asking_robot
-from colony.watch.pictures import find_signs
+from colony.watch.asking import Asker, asking_robot, find_signs
 from colony.watch.store import SnapshotStore
 from colony.watch.watched import Watched
 from tests.waiting import until

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 from math import isfinite
 
-from colony.compile.backends.python.expressions import Expressions
+from colony.compile.backends.python.expressions import ExpressionTexts
 from colony.compile.backends.python.plan import ActuatorPlan
-from colony.compile.backends.python.text import Binding, Names, Range, literal
+from colony.compile.backends.python.text import NumberRange, Precedence, UniqueNames, literal
 from colony.execute.code import LimitCode
-from colony.execute.sensors import members, stand_in
+from colony.execute.intake import members, stand_in
 from colony.ir.program import ActuatorField, Sensor, in_declared_units
 from colony.ir.types import Array, Bool, ScalarValue, Value, element_type
 
@@ -37,7 +37,7 @@ def _types(kind: str, size: int) -> str:
     return f"{kind.upper()}S_{size}"
 
 
-def validation_statements(sensor: Sensor, names: Names) -> list[str]:
+def validation_statements(sensor: Sensor, names: UniqueNames) -> list[str]:
     """Return the statements that set a sensor's value (or stand-in) and its freshness.
 
     Without a reading of what an actuator was given last, it is what the program itself sent.
@@ -154,9 +154,9 @@ class DecisionText:
     def __init__(
         self,
         plan: ActuatorPlan,
-        names: Names,
-        expressions: Expressions,
-        ranges: list[Range],
+        names: UniqueNames,
+        expressions: ExpressionTexts,
+        ranges: list[NumberRange],
         observed: bool,
     ) -> None:
         self.plan = plan
@@ -265,14 +265,14 @@ class DecisionText:
         text = (
             bound.text
             if known.text == "True"
-            else f"{bound.inside(Binding.OR)} if {known.inside(Binding.OR)} else None"
+            else f"{bound.inside(Precedence.OR)} if {known.inside(Precedence.OR)} else None"
         )
         limit_tuple = f"(({limit.field_index}, {limit.relation == '<='}, {text}),)"
         applies = self.expressions.text(limit.applies)
         return (
             limit_tuple
             if applies.text == "True"
-            else f"({limit_tuple} if {applies.inside(Binding.OR)} else ())"
+            else f"({limit_tuple} if {applies.inside(Precedence.OR)} else ())"
         )
 
     def checks(self) -> list[str]:
@@ -280,12 +280,12 @@ class DecisionText:
         checks = []
         for limit in self.plan.actuator.limits:
             field = self.fields[limit.field_index]
-            check = f"{field} {limit.relation} {self.expressions.text(limit.bound).inside(Binding.SUM)}"
+            check = f"{field} {limit.relation} {self.expressions.text(limit.bound).inside(Precedence.SUM)}"
             known = self.expressions.text(limit.known)
             if known.text != "True":
-                check = f"({known.inside(Binding.AND)} and {check})"
+                check = f"({known.inside(Precedence.AND)} and {check})"
             applies = self.expressions.text(limit.applies)
-            exempt = f"not {applies.inside(Binding.NOT)} or "
+            exempt = f"not {applies.inside(Precedence.NOT)} or "
             checks.append(check if applies.text == "True" else f"({exempt}{check})")
         for i, spec in enumerate(self.actuator.fields):
             checks += self.field_checks(i, spec)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from colony.ir.frame import Decision, Frame, Outcome, Record
+from colony.ir.frame import Decision, Frame, FrameEvent, Outcome
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import NOWHERE
 
@@ -19,7 +19,7 @@ class PythonExecutor:
     def step(self, frame: Frame) -> Outcome:
         """Execute one frame."""
         decisions, records, breaches = self._step(frame.t_ns, frame.readings, frame.taken_ns, frame.restarted)
-        return Outcome(tuple(map(Decision._make, decisions)), tuple(map(Record._make, records)), breaches)
+        return Outcome(tuple(map(Decision._make, decisions)), tuple(map(FrameEvent._make, records)), breaches)
 
     def restart(self) -> None:
         """Restart from the initial memory, with new instances of the Python modules."""

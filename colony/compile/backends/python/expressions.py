@@ -3,7 +3,15 @@
 from __future__ import annotations
 
 from colony.compile.backends.python.plan import Placement, is_atom
-from colony.compile.backends.python.text import TRUE, Binding, Names, Range, Text, apply_operator, literal
+from colony.compile.backends.python.text import (
+    TRUE,
+    ExpressionText,
+    NumberRange,
+    Precedence,
+    UniqueNames,
+    apply_operator,
+    literal,
+)
 from colony.execute.code import (
     Apply,
     Code,
@@ -41,32 +49,34 @@ _STARRED = {
 }
 
 
-class Expressions:
+class ExpressionTexts:
     """The text of every value that is used, and the statements of each slot.
 
     Expressions that nest too deep or are too long are broken up: parts of them are assigned to variables.
     """
 
-    def __init__(self, code: Code, placement: Placement, ranges: list[Range], names: Names) -> None:
+    def __init__(
+        self, code: Code, placement: Placement, ranges: list[NumberRange], names: UniqueNames
+    ) -> None:
         self.code = code
         self.statements: dict[int, list[str]] = {}
         self._placement = placement
         self._ranges = ranges
         self._names = names
         self._sizes = {s.name: s.type.size for s in code.sensors if isinstance(s.type, Array)}
-        self._texts: list[Text] = []
+        self._texts: list[ExpressionText] = []
         for value, op in enumerate(code.ops):
             self._texts.append(self._text(value, op) if placement.uses[value] else TRUE)
 
-    def text(self, value: int) -> Text:
+    def text(self, value: int) -> ExpressionText:
         """Return a value as an expression, for a statement after the slot recorded for that use."""
         return self._texts[value]
 
-    def _text(self, value: int, op: Op) -> Text:
+    def _text(self, value: int, op: Op) -> ExpressionText:
         if is_atom(op):
             return self._atom(op)
         text = self._compound(value, op)
-        simple = text.binding is Binding.ATOM and text.depth == 0
+        simple = text.binding is Precedence.ATOM and text.depth == 0
         is_assigned = self._placement.named[value] and not simple
         if is_assigned or (isinstance(op, OldCell) and self._placement.named[value]):
             return self._name(value, text)
@@ -74,47 +84,47 @@ class Expressions:
             return self._name(value, text)
         return text
 
-    def _name(self, value: int, text: Text) -> Text:
+    def _name(self, value: int, text: ExpressionText) -> ExpressionText:
         name = self._names.value(value)
         statements = self.statements.setdefault(self._placement.slot[value], [])
         statements.append(f"{name} = {text.text}")
-        return Text(name)
+        return ExpressionText(name)
 
-    def _atom(self, op: Op) -> Text:
+    def _atom(self, op: Op) -> ExpressionText:
         names = self._names
         match op:
             case Literal(value=value):
                 return literal(value)
             case SensorElement(sensor=sensor, index=index):
                 name = names.sensors[sensor]
-                return Text(f"{name}[{index}]" if sensor in self._sizes else name)
+                return ExpressionText(f"{name}[{index}]" if sensor in self._sizes else name)
             case SensorFresh(sensor=sensor):
-                return Text(names.fresh[sensor])
+                return ExpressionText(names.fresh[sensor])
             case FrameTime():
-                return Text("t")
+                return ExpressionText("t")
             case Restarted():
-                return Text("restarted")
+                return ExpressionText("restarted")
             case PythonActive(module=module) if module in names.python_active:
-                return Text(names.python_active[module])
+                return ExpressionText(names.python_active[module])
             case PythonBlind(module=module) if module in names.python_active:
-                return Text(names.python_blind[module])
+                return ExpressionText(names.python_blind[module])
             case PythonField(module=module, index=index) if module in names.python_active:
-                return Text(f"{names.python_fields[module]}[{index}]")
+                return ExpressionText(f"{names.python_fields[module]}[{index}]")
             case Winner(actuator=actuator, module=module):
-                return Text(f"{names.by[actuator]} == {module!r}", Binding.COMPARISON)
+                return ExpressionText(f"{names.by[actuator]} == {module!r}", Precedence.COMPARISON)
             case Commanded(actuator=actuator):
-                return Text(names.commanded[actuator])
+                return ExpressionText(names.commanded[actuator])
             case Sent(actuator=actuator, index=index):
-                return Text(names.field[actuator, index])
+                return ExpressionText(names.field[actuator, index])
             case PythonActive() | PythonBlind() | PythonField() | Lost():
                 raise ValueError("the code of a single client is not for this backend")
             case _:
                 raise AssertionError(f"{op} is not an atom")
 
-    def _compound(self, value: int, op: Op) -> Text:
+    def _compound(self, value: int, op: Op) -> ExpressionText:
         match op:
             case OldCell(cell=cell):
-                return Text(f"self.{self._names.cells[cell]}")
+                return ExpressionText(f"self.{self._names.cells[cell]}")
             case Table(elements=elements):
                 return self._table(elements)
             case Apply(operator=Operator.AND, arguments=arguments):
@@ -126,27 +136,27 @@ class Expressions:
             case _:
                 raise AssertionError(f"{op} is an atom")
 
-    def _applied(self, operator: Operator, arguments: tuple[int, ...]) -> Text:
+    def _applied(self, operator: Operator, arguments: tuple[int, ...]) -> ExpressionText:
         x = [self._ranges[i] for i in arguments]
         if operator in _STARRED:
             slice_text = self._slice(arguments) if len(arguments) >= _MIN_SLICE_LENGTH else None
             if slice_text and operator in (Operator.MIN, Operator.MAX) and not any(r.nan for r in x):
-                return Text(f"{operator.value}({slice_text})", Binding.ATOM, 1)
+                return ExpressionText(f"{operator.value}({slice_text})", Precedence.ATOM, 1)
             summed = operator in (Operator.SUM, Operator.COUNT)
             if slice_text and not summed:
-                return Text(f"{_STARRED[operator]}(*{slice_text})", Binding.ATOM, 1)
+                return ExpressionText(f"{_STARRED[operator]}(*{slice_text})", Precedence.ATOM, 1)
             if summed and len(arguments) > _MAX_SUM_TERMS:
                 items = f"*{slice_text}" if slice_text else ", ".join(self._texts[i].text for i in arguments)
-                return Text(f"{_STARRED[operator]}({items})", Binding.ATOM, 1)
+                return ExpressionText(f"{_STARRED[operator]}({items})", Precedence.ATOM, 1)
         return apply_operator(operator, [self._texts[i] for i in arguments], x)
 
-    def _table(self, elements: tuple[int, ...]) -> Text:
+    def _table(self, elements: tuple[int, ...]) -> ExpressionText:
         whole = self._slice(elements)
         if whole:
-            return Text(whole)
+            return ExpressionText(whole)
         depth = 1 + max(self._texts[i].depth for i in elements)
         items = ", ".join(self._texts[i].text for i in elements)
-        return Text(f"({items},)", Binding.ATOM, depth)
+        return ExpressionText(f"({items},)", Precedence.ATOM, depth)
 
     def _slice(self, elements: tuple[int, ...]) -> str | None:
         """Return the text of a slice if these are consecutive elements of one sensor, otherwise None."""

@@ -20,23 +20,23 @@ from types import ModuleType
 from colony.compile.backends.python import decision
 from colony.compile.backends.python.decision import DecisionText
 from colony.compile.backends.python.executor import PythonExecutor, load
-from colony.compile.backends.python.expressions import Expressions
+from colony.compile.backends.python.expressions import ExpressionTexts
 from colony.compile.backends.python.plan import (
     ActuatorPlan,
     ClientPlan,
+    FunctionLayout,
     GroupPlan,
-    Layout,
     Placement,
-    Plan,
+    ProgramOutline,
     make_plan,
 )
-from colony.compile.backends.python.text import Binding, Names, literal, ranges
+from colony.compile.backends.python.text import Precedence, UniqueNames, literal, ranges
 from colony.execute import arithmetic, intake, python_step, settle
 from colony.execute.code import ClientCode, FrameTime, PythonCall
 from colony.execute.compiled import Compiled
+from colony.execute.intake import age_limits
 from colony.execute.machine import defaults, field_types
 from colony.execute.needs import whole_view
-from colony.execute.sensors import age_limits
 from colony.ir import angles
 from colony.ir.version import SEMANTICS
 from colony.text.diagnostics import DiagnosticError, error
@@ -134,11 +134,11 @@ class _Generator:
         self.title = compiled.name
         self.code = whole_view(compiled.code)
         self.ranges_of_values = ranges(self.code)
-        layout = Layout()
+        layout = FunctionLayout()
         self.placement = Placement(self.code, layout, self.ranges_of_values)
-        self.plan: Plan = make_plan(self.code, layout, self.placement)
-        self.names = Names(self.code, definition_names())
-        self.expressions = Expressions(self.code, self.placement, self.ranges_of_values, self.names)
+        self.plan: ProgramOutline = make_plan(self.code, layout, self.placement)
+        self.names = UniqueNames(self.code, definition_names())
+        self.expressions = ExpressionTexts(self.code, self.placement, self.ranges_of_values, self.names)
         self.lines: list[str] = []
         self.constants = decision.constants(self.code.sensors)
         self.timed = bool(self.code.python) or any(
@@ -318,7 +318,7 @@ class _Generator:
         self.add(indent, f"{self.names.by[name]} = {client.client.module!r}")
         known = self.expressions.text(client.client.known)
         if known.text != "True":
-            self.add(indent, f"{self.names.blind[name]} = not {known.inside(Binding.NOT)}")
+            self.add(indent, f"{self.names.blind[name]} = not {known.inside(Precedence.NOT)}")
         for i, value in enumerate(client.client.fields):
             self.add(indent, f"{self.names.field[name, i]} = {self.text(value)}")
         self.add(indent, "break")
@@ -332,7 +332,7 @@ class _Generator:
             self.add(2, "# contracts", "breaches = ()")
         for contract, slot in self.plan.contracts:
             self.before(slot, 2)
-            holds = self.expressions.text(contract.holds).inside(Binding.NOT)
+            holds = self.expressions.text(contract.holds).inside(Precedence.NOT)
             self.add(2, f"if not {holds}:", f"    breaches += ({contract.name!r},)")
 
     def memory(self) -> None:
@@ -363,7 +363,7 @@ class _Generator:
             self.add(2, *([keep] if idle[actuator] is not None else [f"if {decision}[2]:", f"    {keep}"]))
 
 
-def _class_name(names: Names, call: PythonCall) -> str:
+def _class_name(names: UniqueNames, call: PythonCall) -> str:
     return "Python" + names.python[call.module].removeprefix("python")
 
 

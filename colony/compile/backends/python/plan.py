@@ -14,7 +14,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import groupby
 
-from colony.compile.backends.python.text import Range, mentions_twice
+from colony.compile.backends.python.text import NumberRange, mentions_twice
 from colony.execute.code import (
     ActuatorCode,
     Apply,
@@ -44,7 +44,7 @@ ROOT = 0
 
 
 @dataclass(slots=True)
-class Layout:
+class FunctionLayout:
     """The regions and slots of one function, numbered in text order. Mutable."""
 
     _parent_slot: list[int] = field(default_factory=lambda: [-1])  # by region
@@ -98,7 +98,7 @@ class Placement:
     if it is assigned to a variable there, false if it is an expression at its use.
     """
 
-    def __init__(self, code: Code, layout: Layout, ranges: list[Range]) -> None:
+    def __init__(self, code: Code, layout: FunctionLayout, ranges: list[NumberRange]) -> None:
         self.code = code
         self.layout = layout
         self._ranges = ranges
@@ -183,7 +183,7 @@ class CommitPlan:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class ProgramOutline:
     """The outline of the generated program: all its parts with their slots."""
 
     python: tuple[tuple[PythonCall, int], ...]
@@ -193,7 +193,7 @@ class Plan:
     commits: tuple[CommitPlan, ...]
 
 
-def make_plan(code: Code, layout: Layout, placement: Placement) -> Plan:
+def make_plan(code: Code, layout: FunctionLayout, placement: Placement) -> ProgramOutline:
     """Return the outline for `code`; fill `layout`, and record all uses in `placement`."""
     python = tuple((call, _python(call, layout, placement)) for call in code.python)
     actuators = tuple(_actuator(code, actuator, layout, placement) for actuator in code.actuators)
@@ -205,10 +205,10 @@ def make_plan(code: Code, layout: Layout, placement: Placement) -> Plan:
     memory_slot = layout.slot(ROOT)
     commits = _commits(code, layout, placement)
     placement.settle(memory_slot)
-    return Plan(python, actuators, tuple(contracts), memory_slot, commits)
+    return ProgramOutline(python, actuators, tuple(contracts), memory_slot, commits)
 
 
-def _python(call: PythonCall, layout: Layout, placement: Placement) -> int:
+def _python(call: PythonCall, layout: FunctionLayout, placement: Placement) -> int:
     slot = layout.slot(ROOT)
     placement.use(call.present, slot)
     for reading in call.reads:
@@ -216,7 +216,9 @@ def _python(call: PythonCall, layout: Layout, placement: Placement) -> int:
     return slot
 
 
-def _actuator(code: Code, actuator: ActuatorCode, layout: Layout, placement: Placement) -> ActuatorPlan:
+def _actuator(
+    code: Code, actuator: ActuatorCode, layout: FunctionLayout, placement: Placement
+) -> ActuatorPlan:
     slot = layout.slot(ROOT)
     chain = layout.region(slot)
     reachable = _reachable(code, actuator)
@@ -252,7 +254,7 @@ def _reachable(code: Code, actuator: ActuatorCode) -> list[ClientCode]:
 
 
 def _group(
-    code: Code, clients: list[ClientCode], layout: Layout, placement: Placement, chain: int
+    code: Code, clients: list[ClientCode], layout: FunctionLayout, placement: Placement, chain: int
 ) -> GroupPlan:
     slot, present = layout.slot(chain), clients[0].present
     if len(clients) == 1 or isinstance(code.ops[present], Literal) or _may_be_blind(code, clients[0]):
@@ -263,7 +265,7 @@ def _group(
     return GroupPlan(present, slot, tuple(_client(c, layout, placement, region) for c in clients))
 
 
-def _client(client: ClientCode, layout: Layout, placement: Placement, region: int) -> ClientPlan:
+def _client(client: ClientCode, layout: FunctionLayout, placement: Placement, region: int) -> ClientPlan:
     slot = layout.slot(region)
     placement.use(client.guard, slot)
     body = layout.slot(layout.region(slot, condition=client.guard))
@@ -271,7 +273,7 @@ def _client(client: ClientCode, layout: Layout, placement: Placement, region: in
     return ClientPlan(client, slot, body)
 
 
-def _commits(code: Code, layout: Layout, placement: Placement) -> tuple[CommitPlan, ...]:
+def _commits(code: Code, layout: FunctionLayout, placement: Placement) -> tuple[CommitPlan, ...]:
     """Return the updates of the cells in use; this backend does not use exclusive guards."""
     _, used_cells = live(code.ops, code.cells, roots(code, exclusive=False))
     cells_by_condition: dict[int, list[int]] = {}

@@ -17,8 +17,8 @@ from typing import NamedTuple
 
 from colony.execute.arithmetic import divide, round_down, round_even, round_up, square_root
 from colony.execute.code import Apply, Code, Kind, Literal, Op, SensorElement, Table
+from colony.execute.intake import members, stand_in
 from colony.execute.operators import Operator
-from colony.execute.sensors import members, stand_in
 from colony.ir.program import Sensor
 
 # --- names --------------------------------------------------------------------------------------------
@@ -45,7 +45,7 @@ _RESERVED_VARIABLES = frozenset(
 )
 
 
-class Names:
+class UniqueNames:
     """Names of variables and attributes. Stateful: remembers all names, so that each is unique."""
 
     def __init__(self, code: Code, taken: frozenset[str]) -> None:
@@ -96,7 +96,7 @@ class Names:
 # rounding is monotone.
 
 
-class Range(NamedTuple):
+class NumberRange(NamedTuple):
     """Numbers from `low` to `high`, infinities included, and NaN if `nan`."""
 
     low: float
@@ -118,13 +118,13 @@ class Range(NamedTuple):
         return not self.nan and (low is None or low <= self.low) and (high is None or self.high <= high)
 
 
-ANYTHING = Range(-inf, inf, True)
+ANYTHING = NumberRange(-inf, inf, True)
 
 
-def ranges(code: Code) -> list[Range]:
+def ranges(code: Code) -> list[NumberRange]:
     """Return the range of each value of `code`; `ANYTHING` for values that are not numbers."""
     sensors = {s.name: _sensor(s) for s in code.sensors}
-    result: list[Range] = []
+    result: list[NumberRange] = []
     for op, kind in zip(code.ops, code.kinds, strict=True):
         if kind is Kind.NUMBER:
             result.append(_range_of(op, result, sensors))
@@ -135,10 +135,10 @@ def ranges(code: Code) -> list[Range]:
     return result
 
 
-def _range_of(op: Op, result: list[Range], sensors: dict[str, Range]) -> Range:
+def _range_of(op: Op, result: list[NumberRange], sensors: dict[str, NumberRange]) -> NumberRange:
     match op:
         case Literal(value=value):
-            return Range(value, value, False) if value == value else ANYTHING
+            return NumberRange(value, value, False) if value == value else ANYTHING
         case SensorElement(sensor=sensor):
             return sensors[sensor]
         case Apply(operator=operator, arguments=arguments):
@@ -147,7 +147,7 @@ def _range_of(op: Op, result: list[Range], sensors: dict[str, Range]) -> Range:
             return ANYTHING
 
 
-def _sensor(sensor: Sensor) -> Range:
+def _sensor(sensor: Sensor) -> NumberRange:
     """Return the range of a sensor, including its stand-in for a missing reading."""
     numbers = members(sensor)
     low, high = sensor.low, sensor.high
@@ -155,16 +155,16 @@ def _sensor(sensor: Sensor) -> Range:
         low, high = min(numbers), max(numbers)
     stand_in_value = stand_in(sensor)
     stand_ins = stand_in_value if isinstance(stand_in_value, tuple) else (stand_in_value,)
-    return Range(
+    return NumberRange(
         min(-inf if low is None else low, *stand_ins), max(inf if high is None else high, *stand_ins), False
     )
 
 
-def _union(parts: list[Range]) -> Range:
-    return Range(min(r.low for r in parts), max(r.high for r in parts), any(r.nan for r in parts))
+def _union(parts: list[NumberRange]) -> NumberRange:
+    return NumberRange(min(r.low for r in parts), max(r.high for r in parts), any(r.nan for r in parts))
 
 
-def _range_applied(operator: Operator, x: list[Range]) -> Range:
+def _range_applied(operator: Operator, x: list[NumberRange]) -> NumberRange:
     nan = any(r.nan for r in x)
     match operator:
         case Operator.ADD | Operator.SUM:
@@ -173,86 +173,86 @@ def _range_applied(operator: Operator, x: list[Range]) -> Range:
                 result = _sum_range(result, term)
             return result
         case Operator.SUBTRACT:
-            return _sum_range(x[0], Range(-x[1].high, -x[1].low, x[1].nan))
+            return _sum_range(x[0], NumberRange(-x[1].high, -x[1].low, x[1].nan))
         case Operator.NEGATE:
-            return Range(-x[0].high, -x[0].low, nan)
+            return NumberRange(-x[0].high, -x[0].low, nan)
         case Operator.MULTIPLY:
             return _corners(lambda a, b: a * b, x[0], x[1]) if nan is False else ANYTHING
         case Operator.DIVIDE:
             return _corners(divide, x[0], x[1]) if nan is False and x[1].nonzero else ANYTHING
         case Operator.MIN:
-            return Range(min(r.low for r in x), min(r.high for r in x), nan)
+            return NumberRange(min(r.low for r in x), min(r.high for r in x), nan)
         case Operator.MAX:
-            return Range(max(r.low for r in x), max(r.high for r in x), nan)
+            return NumberRange(max(r.low for r in x), max(r.high for r in x), nan)
         case Operator.SELECT:
             return _union(x[1:])
         case Operator.PICK_NUMBER:
-            return Range(x[0].low, x[0].high, x[0].nan or not x[1].finite)
+            return NumberRange(x[0].low, x[0].high, x[0].nan or not x[1].finite)
         case Operator.COUNT:
-            return Range(0.0, float(len(x)), False)
+            return NumberRange(0.0, float(len(x)), False)
         case Operator.INDEX_OF_MIN | Operator.INDEX_OF_MAX:
-            return Range(0.0, float(len(x) - 1), False)
+            return NumberRange(0.0, float(len(x) - 1), False)
         case Operator.SECONDS:
-            return Range(0.0, 1e300, False)
+            return NumberRange(0.0, 1e300, False)
         case _:
             return _applied_to_one(operator, x)
 
 
-def _applied_to_one(operator: Operator, x: list[Range]) -> Range:
+def _applied_to_one(operator: Operator, x: list[NumberRange]) -> NumberRange:
     operand, nan = x[0], any(r.nan for r in x)
     infinite = not (isfinite(operand.low) and isfinite(operand.high))
     match operator:
         case Operator.ABS:
             low = 0.0 if operand.low <= 0.0 <= operand.high else min(abs(operand.low), abs(operand.high))
-            return Range(low, max(abs(operand.low), abs(operand.high)), nan)
+            return NumberRange(low, max(abs(operand.low), abs(operand.high)), nan)
         case Operator.SIGN:
-            return Range(-1.0, 1.0, nan)
+            return NumberRange(-1.0, 1.0, nan)
         case Operator.SQRT:
-            return Range(
+            return NumberRange(
                 square_root(max(operand.low, 0.0)),
                 square_root(max(operand.high, 0.0)),
                 nan or operand.low < 0.0,
             )
         case Operator.FLOOR:
-            return Range(round_down(operand.low), round_down(operand.high), nan)
+            return NumberRange(round_down(operand.low), round_down(operand.high), nan)
         case Operator.CEIL:
-            return Range(round_up(operand.low), round_up(operand.high), nan)
+            return NumberRange(round_up(operand.low), round_up(operand.high), nan)
         case Operator.ROUND:
-            return Range(round_even(operand.low), round_even(operand.high), nan)
+            return NumberRange(round_even(operand.low), round_even(operand.high), nan)
         case Operator.SIN | Operator.COS:
-            return Range(-1.0, 1.0, nan or infinite)
+            return NumberRange(-1.0, 1.0, nan or infinite)
         case Operator.ASIN:
-            return Range(-90.0, 90.0, nan or operand.low < -1.0 or operand.high > 1.0)
+            return NumberRange(-90.0, 90.0, nan or operand.low < -1.0 or operand.high > 1.0)
         case Operator.ACOS:
-            return Range(0.0, 180.0, nan or operand.low < -1.0 or operand.high > 1.0)
+            return NumberRange(0.0, 180.0, nan or operand.low < -1.0 or operand.high > 1.0)
         case Operator.ATAN2:
-            return Range(-180.0, 180.0, nan)
+            return NumberRange(-180.0, 180.0, nan)
         case Operator.MODULO if x[1].low > 0.0 and isfinite(x[1].high):
-            return Range(0.0, x[1].high, nan or infinite)
+            return NumberRange(0.0, x[1].high, nan or infinite)
         case _:
             return ANYTHING
 
 
-def _sum_range(x: Range, y: Range) -> Range:
+def _sum_range(x: NumberRange, y: NumberRange) -> NumberRange:
     sum_is_nan = (x.high == inf and y.low == -inf) or (x.low == -inf and y.high == inf)
     low, high = x.low + y.low, x.high + y.high
     if low != low or high != high:
         return ANYTHING
-    return Range(low, high, x.nan or y.nan or sum_is_nan)
+    return NumberRange(low, high, x.nan or y.nan or sum_is_nan)
 
 
-def _corners(function: Callable[[float, float], float], x: Range, y: Range) -> Range:
+def _corners(function: Callable[[float, float], float], x: NumberRange, y: NumberRange) -> NumberRange:
     """Return the range of a function that is monotone in each operand; `ANYTHING` for infinite operands."""
     if not (x.finite and y.finite):
         return ANYTHING
     corners = [function(a, b) for a in (x.low, x.high) for b in (y.low, y.high)]
-    return Range(min(corners), max(corners), False)
+    return NumberRange(min(corners), max(corners), False)
 
 
 # --- text ---------------------------------------------------------------------------------------------
 
 
-class Binding(IntEnum):
+class Precedence(IntEnum):
     """The precedence of the outermost operator of an expression."""
 
     CONDITIONAL = 0
@@ -266,11 +266,11 @@ class Binding(IntEnum):
     ATOM = 10
 
 
-class Text(NamedTuple):
+class ExpressionText(NamedTuple):
     """The text of an expression; `depth` is its nesting depth, which Python's parser limits."""
 
     text: str
-    binding: Binding = Binding.ATOM
+    binding: Precedence = Precedence.ATOM
     depth: int = 0
 
     def inside(self, binding: int) -> str:
@@ -278,21 +278,21 @@ class Text(NamedTuple):
         return self.text if self.binding >= binding else f"({self.text})"
 
 
-TRUE = Text("True")
+TRUE = ExpressionText("True")
 
-_INFIX: dict[Operator, tuple[str, Binding]] = {
-    Operator.ADD: ("+", Binding.SUM),
-    Operator.SUBTRACT: ("-", Binding.SUM),
-    Operator.TIME_ADD: ("+", Binding.SUM),
-    Operator.TIME_SUBTRACT: ("-", Binding.SUM),
-    Operator.MULTIPLY: ("*", Binding.PRODUCT),
-    Operator.DIVIDE: ("/", Binding.PRODUCT),
-    Operator.MODULO: ("%", Binding.PRODUCT),
-    Operator.LESS: ("<", Binding.COMPARISON),
-    Operator.TIME_LESS: ("<", Binding.COMPARISON),
-    Operator.LESS_EQUAL: ("<=", Binding.COMPARISON),
-    Operator.EQUAL: ("==", Binding.COMPARISON),
-    Operator.NOT_EQUAL: ("!=", Binding.COMPARISON),
+_INFIX: dict[Operator, tuple[str, Precedence]] = {
+    Operator.ADD: ("+", Precedence.SUM),
+    Operator.SUBTRACT: ("-", Precedence.SUM),
+    Operator.TIME_ADD: ("+", Precedence.SUM),
+    Operator.TIME_SUBTRACT: ("-", Precedence.SUM),
+    Operator.MULTIPLY: ("*", Precedence.PRODUCT),
+    Operator.DIVIDE: ("/", Precedence.PRODUCT),
+    Operator.MODULO: ("%", Precedence.PRODUCT),
+    Operator.LESS: ("<", Precedence.COMPARISON),
+    Operator.TIME_LESS: ("<", Precedence.COMPARISON),
+    Operator.LESS_EQUAL: ("<=", Precedence.COMPARISON),
+    Operator.EQUAL: ("==", Precedence.COMPARISON),
+    Operator.NOT_EQUAL: ("!=", Precedence.COMPARISON),
 }
 
 _CALLS: dict[Operator, str] = {
@@ -320,18 +320,18 @@ _CALLS: dict[Operator, str] = {
 }
 
 
-def literal(value: float | bool | int) -> Text:
+def literal(value: float | bool | int) -> ExpressionText:
     """Return a constant; NaN and infinity are written by their names in `math`."""
     if isinstance(value, bool):
-        return Text(repr(value))
+        return ExpressionText(repr(value))
     if isinstance(value, int):
         text = f"{value:_}"
     else:
         text = repr(value)
-    return Text(text, Binding.SIGN if text.startswith("-") else Binding.ATOM)
+    return ExpressionText(text, Precedence.SIGN if text.startswith("-") else Precedence.ATOM)
 
 
-def mentions_twice(operator: Operator, x: list[Range]) -> bool:
+def mentions_twice(operator: Operator, x: list[NumberRange]) -> bool:
     """Return True if the operator's text repeats its operands, so that these should be variables."""
     match operator:
         case Operator.MIN | Operator.MAX:
@@ -342,66 +342,68 @@ def mentions_twice(operator: Operator, x: list[Range]) -> bool:
             return False
 
 
-def apply_operator(operator: Operator, operands: list[Text], x: list[Range]) -> Text:
+def apply_operator(
+    operator: Operator, operands: list[ExpressionText], x: list[NumberRange]
+) -> ExpressionText:
     """Return the text of an operator applied to operands with the ranges `x`."""
     depth = 1 + max(o.depth for o in operands)
     text, binding = _applied(operator, operands, x)
-    return Text(text, binding, depth)
+    return ExpressionText(text, binding, depth)
 
 
-def _applied(operator: Operator, o: list[Text], x: list[Range]) -> tuple[str, Binding]:
+def _applied(operator: Operator, o: list[ExpressionText], x: list[NumberRange]) -> tuple[str, Precedence]:
     match operator:
         case Operator.NOT:
-            return f"not {o[0].inside(Binding.NOT)}", Binding.NOT
+            return f"not {o[0].inside(Precedence.NOT)}", Precedence.NOT
         case Operator.AND:
-            return " and ".join(p.inside(Binding.AND) for p in o), Binding.AND
+            return " and ".join(p.inside(Precedence.AND) for p in o), Precedence.AND
         case Operator.OR:
-            return " or ".join(p.inside(Binding.OR) for p in o), Binding.OR
+            return " or ".join(p.inside(Precedence.OR) for p in o), Precedence.OR
         case Operator.SELECT:
-            condition, yes = o[0].inside(Binding.OR), o[1].inside(Binding.OR)
-            return f"{yes} if {condition} else {o[2].inside(Binding.CONDITIONAL)}", Binding.CONDITIONAL
+            condition, yes = o[0].inside(Precedence.OR), o[1].inside(Precedence.OR)
+            return f"{yes} if {condition} else {o[2].inside(Precedence.CONDITIONAL)}", Precedence.CONDITIONAL
         case Operator.NEGATE:
-            return f"-{o[0].inside(Binding.ATOM)}", Binding.SIGN
+            return f"-{o[0].inside(Precedence.ATOM)}", Precedence.SIGN
         case Operator.SUM:
             return _sum(o)
         case Operator.COUNT:
-            return f"float({' + '.join(p.inside(Binding.PRODUCT) for p in o)})", Binding.ATOM
+            return f"float({' + '.join(p.inside(Precedence.PRODUCT) for p in o)})", Precedence.ATOM
         case Operator.SECONDS:
-            return f"{o[0].inside(Binding.PRODUCT)} / 1e9", Binding.PRODUCT
+            return f"{o[0].inside(Precedence.PRODUCT)} / 1e9", Precedence.PRODUCT
         case Operator.MIN | Operator.MAX:
             return _extreme(operator, o, x)
         case Operator.SQRT if x[0].low >= 0.0:
-            return f"sqrt({o[0].text})", Binding.ATOM
+            return f"sqrt({o[0].text})", Precedence.ATOM
         case Operator.DIVIDE if not x[1].nonzero:
             return _guarded_quotient(o)
         case _ if operator in _INFIX and not (operator is Operator.MODULO and not x[1].nonzero):
             sign, binding = _INFIX[operator]
-            left = o[0].inside(binding + 1 if binding is Binding.COMPARISON else binding)
+            left = o[0].inside(binding + 1 if binding is Precedence.COMPARISON else binding)
             return f"{left} {sign} {o[1].inside(binding + 1)}", binding
         case _:
             return _call(operator, o)
 
 
-def _sum(o: list[Text]) -> tuple[str, Binding]:
+def _sum(o: list[ExpressionText]) -> tuple[str, Precedence]:
     if len(o) == 1:
         return o[0].text, o[0].binding
     first, *rest = o
-    terms = [first.inside(Binding.SUM), *[p.inside(Binding.PRODUCT) for p in rest]]
-    return " + ".join(terms), Binding.SUM
+    terms = [first.inside(Precedence.SUM), *[p.inside(Precedence.PRODUCT) for p in rest]]
+    return " + ".join(terms), Precedence.SUM
 
 
-def _guarded_quotient(o: list[Text]) -> tuple[str, Binding]:
+def _guarded_quotient(o: list[ExpressionText]) -> tuple[str, Precedence]:
     """Return the text of a division whose divisor may be zero; that case is left to a call."""
     call = f"divide({o[0].text}, {o[1].text})"
-    quotient = f"{o[0].inside(Binding.PRODUCT)} / {o[1].inside(Binding.SIGN)}"
-    return f"{quotient} if {o[1].inside(Binding.OR)} else {call}", Binding.CONDITIONAL
+    quotient = f"{o[0].inside(Precedence.PRODUCT)} / {o[1].inside(Precedence.SIGN)}"
+    return f"{quotient} if {o[1].inside(Precedence.OR)} else {call}", Precedence.CONDITIONAL
 
 
-def _call(operator: Operator, o: list[Text]) -> tuple[str, Binding]:
-    return f"{_CALLS[operator]}({', '.join(p.text for p in o)})", Binding.ATOM
+def _call(operator: Operator, o: list[ExpressionText]) -> tuple[str, Precedence]:
+    return f"{_CALLS[operator]}({', '.join(p.text for p in o)})", Precedence.ATOM
 
 
-def _extreme(operator: Operator, o: list[Text], x: list[Range]) -> tuple[str, Binding]:
+def _extreme(operator: Operator, o: list[ExpressionText], x: list[NumberRange]) -> tuple[str, Precedence]:
     """Return the text of a minimum or maximum; without NaN, Python's functions return the same operand."""
     if any(r.nan for r in x):
         return _call(operator, o)
@@ -409,6 +411,6 @@ def _extreme(operator: Operator, o: list[Text], x: list[Range]) -> tuple[str, Bi
         return o[0].text, o[0].binding
     if len(o) == 2:
         sign = "<" if operator is Operator.MIN else ">"
-        first, second = (p.inside(Binding.SUM) for p in o)
-        return f"{second} if {second} {sign} {first} else {first}", Binding.CONDITIONAL
-    return f"{operator.value}({', '.join(p.text for p in o)})", Binding.ATOM
+        first, second = (p.inside(Precedence.SUM) for p in o)
+        return f"{second} if {second} {sign} {first} else {first}", Precedence.CONDITIONAL
+    return f"{operator.value}({', '.join(p.text for p in o)})", Precedence.ATOM

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple, TypeVar
 
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error, in_order
 from colony.text.source import Source, Span
-from colony.text.suggestions import did_you_mean
+from colony.text.wording import did_you_mean
 
 MIN_CELL_M, MAX_CELL_M = 0.001, 10.0
 MAX_COORDINATE_M = 100_000.0
@@ -41,7 +41,7 @@ _BOOLEANS = {
 _T = TypeVar("_T")
 
 
-class Mode(Enum):
+class OccupancyMode(Enum):
     """How the shades of an image become occupancies; the value is the word in the file."""
 
     TRINARY = "trinary"
@@ -72,7 +72,7 @@ class GridKeys:
     negate: bool
     occupied_thresh: float
     free_thresh: float
-    mode: Mode
+    mode: OccupancyMode
     docks: tuple[tuple[float, float, float], ...] = ()
     docks_span: Span | None = None
 
@@ -103,7 +103,7 @@ def read_keys(source: Source) -> GridKeys:
     negate = reader.value("negate", _flag)
     occupied = reader.value("occupied_thresh", _threshold)
     free = reader.value("free_thresh", _threshold)
-    mode = reader.value("mode", _mode, Mode.TRINARY)
+    mode = reader.value("mode", _mode, OccupancyMode.TRINARY)
     no_docks: tuple[tuple[float, float, float], ...] = ()
     docks = reader.value("docks", _docks, no_docks)
     reader.check_unknown()
@@ -309,10 +309,10 @@ def _threshold(entry: _Entry) -> float:
     return _number(_text(entry, "a number from 0 to 1"), "a number from 0 to 1", 0.0, 1.0)
 
 
-def _mode(entry: _Entry) -> Mode:
+def _mode(entry: _Entry) -> OccupancyMode:
     text = _text(entry, "trinary, scale or raw")
-    words = [mode.value for mode in Mode]
+    words = [mode.value for mode in OccupancyMode]
     if text.lower() not in words:
         hint = did_you_mean(text, words)
         raise ValueError(f"expected trinary, scale or raw; found `{text}`" + (f"; {hint}" if hint else ""))
-    return Mode(text.lower())
+    return OccupancyMode(text.lower())

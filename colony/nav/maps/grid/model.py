@@ -18,7 +18,7 @@ from colony.nav.maps.stickrep.model import Pose
 Floats = NDArray[np.float64]
 
 
-class Cell(IntEnum):
+class GridCell(IntEnum):
     """The state of a cell."""
 
     FREE = 0
@@ -33,7 +33,7 @@ class Grid:
     Attributes:
         name: the name of the map: that of its file.
         image: the path of its image.
-        cells: (rows, columns) uint8, read-only, of `Cell`; row 0 is the lowest of the image.
+        cells: (rows, columns) uint8, read-only, of `GridCell`; row 0 is the lowest of the image.
         cell_mm: the length of a cell's side.
         x_mm, y_mm: the lower left corner of the cell in row 0 and column 0.
         yaw_deg: the angle from x to the direction of the rows, counterclockwise.
@@ -51,10 +51,10 @@ class Grid:
     docks: tuple[Pose, ...] = ()
     remarks: tuple[str, ...] = ()
 
-    def state_at(self, x_mm: float, y_mm: float) -> Cell:
+    def state_at(self, x_mm: float, y_mm: float) -> GridCell:
         """Return the state of the cell at a place; what is beyond the image is unknown."""
         column, row = np.floor(self.to_cells(np.array([x_mm, y_mm]))).astype(int).tolist()
-        return Cell(self.cells[row, column]) if self.contains(x_mm, y_mm) else Cell.UNKNOWN
+        return GridCell(self.cells[row, column]) if self.contains(x_mm, y_mm) else GridCell.UNKNOWN
 
     def contains(self, x_mm: float, y_mm: float) -> bool:
         """Return True if a place is within the image."""
@@ -68,7 +68,7 @@ class Grid:
         rows, columns = self.cells.shape
         return columns * self.cell_mm, rows * self.cell_mm
 
-    def area_m2(self, state: Cell) -> float:
+    def area_m2(self, state: GridCell) -> float:
         """Return the area of all cells in a state."""
         return float(np.count_nonzero(self.cells == state)) * (self.cell_mm / 1000.0) ** 2
 

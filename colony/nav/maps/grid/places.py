@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from colony.nav.maps.grid.model import Cell, Grid
+from colony.nav.maps.grid.model import Grid, GridCell
 
 _WALL_SHIFT_CELLS = 1.0  # walls may be so much farther in than the cells around which they are
 
@@ -29,7 +29,7 @@ def clearance_mm(grid: Grid, walls: NDArray[np.float64], x_mm: float, y_mm: floa
         y_mm: y of the place.
         limit_mm: beyond this distance nothing is looked at.
     """
-    if grid.state_at(x_mm, y_mm) is Cell.OCCUPIED:
+    if grid.state_at(x_mm, y_mm) is GridCell.OCCUPIED:
         return 0.0
     place = np.array([x_mm, y_mm])
     nearest = _unknown_distance(grid, grid.to_cells(place), limit_mm / grid.cell_mm) * grid.cell_mm
@@ -60,10 +60,10 @@ def nearest_place(
 def cells_with_room(grid: Grid, radius_mm: float) -> NDArray[np.bool_]:
     """Return a mask of the cells, (rows, columns), in whose centers a robot fits."""
     reach = radius_mm / grid.cell_mm + math.sqrt(0.5) + _WALL_SHIFT_CELLS
-    return ~_dilated(grid.cells != Cell.FREE, reach)
+    return ~_dilated(grid.cells != GridCell.FREE, reach)
 
 
-class Reach:
+class ReachableRegions:
     """The regions of a grid in which a robot can move without touching cells that are not free.
 
     Half a cell of such cells is allowed for: a way that is closed here is closed to the robot.
@@ -75,7 +75,7 @@ class Reach:
 
     def __init__(self, grid: Grid, radius_mm: float) -> None:
         self._grid, self._cells = grid, radius_mm / grid.cell_mm
-        self._regions = labeled(~_dilated(grid.cells != Cell.FREE, self._cells))
+        self._regions = labeled(~_dilated(grid.cells != GridCell.FREE, self._cells))
 
     def region(self, x_mm: float, y_mm: float) -> int:
         """Return the region of a place, which may be half a cell beside it; 0 if it is in none."""
@@ -99,7 +99,7 @@ class Reach:
 
     def share(self, region: int) -> float:
         """Return the share of all free cells that the robot can cover in a region, from 0 to 1."""
-        free = self._grid.cells == Cell.FREE
+        free = self._grid.cells == GridCell.FREE
         covered = _dilated(self.cells(region), self._cells, border=False)
         return float(np.count_nonzero(covered & free)) / max(float(np.count_nonzero(free)), 1.0)
 
@@ -142,7 +142,7 @@ def _unknown_distance(grid: Grid, place: NDArray[np.float64], limit: float) -> f
         return 0.0
     first_row, first_column = max(int(y) - reach, 0), max(int(x) - reach, 0)
     window = grid.cells[first_row : int(y) + reach + 1, first_column : int(x) + reach + 1]
-    row, column = np.nonzero(window == Cell.UNKNOWN)
+    row, column = np.nonzero(window == GridCell.UNKNOWN)
     dx = np.maximum(np.abs(column + first_column + 0.5 - x) - 0.5, 0.0)
     dy = np.maximum(np.abs(row + first_row + 0.5 - y) - 0.5, 0.0)
     return min(nearest, float(np.hypot(dx, dy).min(initial=math.inf)))

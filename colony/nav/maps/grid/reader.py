@@ -26,8 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.files import read_file, reason
-from colony.nav.maps.grid.keys import GridKeys, Mode, read_keys
-from colony.nav.maps.grid.model import Cell, Grid
+from colony.nav.maps.grid.keys import GridKeys, OccupancyMode, read_keys
+from colony.nav.maps.grid.model import Grid, GridCell
 from colony.nav.maps.source import load_source
 from colony.nav.maps.stickrep.model import Pose
 from colony.text.diagnostics import DiagnosticError, error
@@ -171,9 +171,9 @@ MAX_YAML_BYTES = 1 << 16
 _UNKNOWN_SHADE = 205  # map_saver writes it for unknown cells
 _MOST_SHADES = 6  # that are listed
 _THRESHOLDS = {
-    Cell.FREE: ("free_thresh",),
-    Cell.OCCUPIED: ("occupied_thresh",),
-    Cell.UNKNOWN: ("free_thresh", "occupied_thresh"),
+    GridCell.FREE: ("free_thresh",),
+    GridCell.OCCUPIED: ("occupied_thresh",),
+    GridCell.UNKNOWN: ("free_thresh", "occupied_thresh"),
 }
 
 
@@ -213,17 +213,17 @@ def _pose(x_m: float, y_m: float, yaw: float) -> Pose:
 def _check_docks(grid: Grid, span: Span) -> None:
     for dock in grid.docks:
         state = grid.state_at(dock.x_mm, dock.y_mm)
-        if state is not Cell.FREE:
+        if state is not GridCell.FREE:
             at = f"({dock.x_mm / 1000.0:g}, {dock.y_mm / 1000.0:g})"
             message = f"`docks`: the dock at {at} is in a cell that is {state.name.lower()}"
             raise DiagnosticError([error("M034", span, message, "a robot stands there: give a free place")])
 
 
 def cells_of(shades: Shades, keys: GridKeys) -> NDArray[np.uint8]:
-    """Return the states of the cells, (rows, columns) of `Cell`, the lowest row first; read-only."""
+    """Return the states of the cells, (rows, columns) of `GridCell`, the lowest row first; read-only."""
     cells = _states(keys)[shades.shade]
-    if shades.is_opaque is not None and keys.mode is not Mode.RAW:
-        cells[~shades.is_opaque] = Cell.UNKNOWN
+    if shades.is_opaque is not None and keys.mode is not OccupancyMode.RAW:
+        cells[~shades.is_opaque] = GridCell.UNKNOWN
     cells = np.ascontiguousarray(cells[::-1])
     cells.flags.writeable = False
     return cells
@@ -232,29 +232,31 @@ def cells_of(shades: Shades, keys: GridKeys) -> NDArray[np.uint8]:
 def _states(keys: GridKeys) -> NDArray[np.uint8]:
     """Return the state of a cell of each shade, from 0 to 255."""
     levels = np.arange(256)
-    if keys.mode is Mode.RAW:
+    if keys.mode is OccupancyMode.RAW:
         occupancy = levels.astype(np.float32) / np.float32(100.0)
     else:
         occupancy = levels.astype(np.float32) / np.float32(255.0)
         occupancy = occupancy if keys.negate else np.float32(1.0) - occupancy
-    states = np.full(256, Cell.UNKNOWN, dtype=np.uint8)
-    states[occupancy >= np.float32(keys.occupied_thresh)] = Cell.OCCUPIED
-    states[occupancy <= np.float32(keys.free_thresh)] = Cell.FREE
-    if keys.mode is Mode.RAW:
-        states[levels > 100] = Cell.UNKNOWN
+    states = np.full(256, GridCell.UNKNOWN, dtype=np.uint8)
+    states[occupancy >= np.float32(keys.occupied_thresh)] = GridCell.OCCUPIED
+    states[occupancy <= np.float32(keys.free_thresh)] = GridCell.FREE
+    if keys.mode is OccupancyMode.RAW:
+        states[levels > 100] = GridCell.UNKNOWN
     return states
 
 
 def _remarks(shades: Shades, keys: GridKeys, cells: NDArray[np.uint8]) -> tuple[str, ...]:
     """Return why a state is that of no cell; of unknown cells only if the image seems to have some."""
-    is_opaque = shades.is_opaque if keys.mode is not Mode.RAW else None
+    is_opaque = shades.is_opaque if keys.mode is not OccupancyMode.RAW else None
     found = np.unique(shades.shade if is_opaque is None else shades.shade[is_opaque]).tolist()
     if not found:
         return ("no cell is free or occupied: all of the image is transparent, which is unknown",)
-    states, trinary = _states(keys), _states(replace(keys, mode=Mode.TRINARY))
+    states, trinary = _states(keys), _states(replace(keys, mode=OccupancyMode.TRINARY))
     remarks = []
     for state, thresholds in _THRESHOLDS.items():
-        is_expected = state is not Cell.UNKNOWN or (keys.mode is not Mode.RAW and _UNKNOWN_SHADE in found)
+        is_expected = state is not GridCell.UNKNOWN or (
+            keys.mode is not OccupancyMode.RAW and _UNKNOWN_SHADE in found
+        )
         if (cells == state).any() or not is_expected:
             continue
         name = state.name.lower()
@@ -263,7 +265,7 @@ def _remarks(shades: Shades, keys: GridKeys, cells: NDArray[np.uint8]) -> tuple[
         text += f"in the mode {keys.mode.value}, {_range_text(states == state)} as {name} ({given})"
         if is_opaque is not None and not is_opaque.all():
             text += f"; {100.0 * np.mean(~is_opaque):.3g} % of the image are transparent, which is unknown"
-        if keys.mode is Mode.RAW and state in trinary[found]:
+        if keys.mode is OccupancyMode.RAW and state in trinary[found]:
             text += "; `mode: trinary` would give some"
         remarks.append(text)
     return tuple(remarks)

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colony.nav.maps.stickrep import fields
-from colony.nav.maps.stickrep.fields import Problems, Word
+from colony.nav.maps.stickrep.fields import LineWord, Problems
 from colony.nav.maps.stickrep.geometry import Point, corners, direction, in_free_space, shared_lights, trace
 from colony.nav.maps.stickrep.header import Header
-from colony.nav.maps.stickrep.model import Edge, EdgeKind, ElevatorLink, Link, Map, Ring, Site
+from colony.nav.maps.stickrep.model import Edge, EdgeKind, ElevatorLink, Map, Ring, RingLink, RingPosition
 from colony.text.source import Span
-from colony.text.suggestions import did_you_mean
+from colony.text.wording import did_you_mean
 
 ANGLE_TOLERANCE_DEG = 0.5
 _LIGHT_SLACK_MM = 0.1  # maximum sum of rounding errors of many small offsets
@@ -213,24 +213,24 @@ _SLACK_MM = 0.1  # maximum rounding error of an offset in a file
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Connections:
+class RingConnections:
     """The links between the rings of a map, and the elevators to other maps."""
 
-    links: tuple[Link, ...]
+    links: tuple[RingLink, ...]
     elevators: tuple[ElevatorLink, ...]
 
 
 class _LocatedSite(NamedTuple):
     """A site in the plane: its ring, its point, the unit vectors of its walls, and True for a corner."""
 
-    site: Site
+    site: RingPosition
     ring: int
     point: Point
     walls: tuple[Point, ...]
     corner: bool
 
 
-def read_connections(problems: Problems, header: Header, rings: tuple[Ring, ...]) -> Connections:
+def read_connections(problems: Problems, header: Header, rings: tuple[Ring, ...]) -> RingConnections:
     """Read the links and elevators that a header names; the rings must be valid."""
     reader = _ConnectionReader(problems, header.unit, rings)
     links = [reader.link(*words) for words in header.links]
@@ -238,7 +238,7 @@ def read_connections(problems: Problems, header: Header, rings: tuple[Ring, ...]
     if elevators and not header.floor:
         message = "the map has `elevator` lines; expected a line that says which floor it is"
         problems.report("M028", header.elevators[0][0].span, message, "add the line `floor NAME`")
-    return Connections(
+    return RingConnections(
         links=tuple(link for link in links if link is not None),
         elevators=tuple(elevator for elevator in elevators if elevator is not None),
     )
@@ -273,7 +273,7 @@ class _ConnectionReader:
         ]
         self.segments = np.array(rows, dtype=np.float64)
 
-    def link(self, first: Word, second: Word) -> Link | None:
+    def link(self, first: LineWord, second: LineWord) -> RingLink | None:
         """Read a link; None, with an error, unless both places exist and the robot can drive between them."""
         site, other = self._locate(first), self._locate(second)
         if site is None or other is None:
@@ -283,9 +283,9 @@ class _ConnectionReader:
             message = f"expected two places that face each other; {first.shown} and {second.shown} {reason}"
             self.problems.report("M026", first.span.to(second.span), message, hint)
             return None
-        return Link(site.site, other.site)
+        return RingLink(site.site, other.site)
 
-    def elevator(self, node: Word, file: Word, other: Word) -> ElevatorLink | None:
+    def elevator(self, node: LineWord, file: LineWord, other: LineWord) -> ElevatorLink | None:
         """Read an `elevator` line; None, with an error, unless an elevator begins at its first node."""
         found = self._node(node, node.text)
         target = fields.name(self.problems, other, "the name of a node")
@@ -302,7 +302,7 @@ class _ConnectionReader:
             return None
         return ElevatorLink(node.text, file.text, target)
 
-    def _node(self, word: Word, name: str) -> tuple[int, int] | None:
+    def _node(self, word: LineWord, name: str) -> tuple[int, int] | None:
         """Return the indices of a node's ring, and of the node in it."""
         found = self.nodes.get(name)
         if found is None:
@@ -311,7 +311,7 @@ class _ConnectionReader:
             self.problems.report("M025", word.span, f"there is no node `{shown}` in this map", hint)
         return found
 
-    def _locate(self, word: Word) -> _LocatedSite | None:
+    def _locate(self, word: LineWord) -> _LocatedSite | None:
         """Return the site named by `NODE` or `NODE+LENGTH`."""
         name, plus, length = word.text.partition("+")
         found = self._node(word, name)
@@ -322,7 +322,7 @@ class _ConnectionReader:
         offset: float | None = 0.0
         if plus:
             shift = word.span.start + len(name) + 1
-            offset = self._offset(Word(length, Span(word.span.source, shift, word.span.end)), name, edge)
+            offset = self._offset(LineWord(length, Span(word.span.source, shift, word.span.end)), name, edge)
         if offset is None:
             return None
         here, there = nodes[index], nodes[(index + 1) % len(nodes)]
@@ -331,9 +331,9 @@ class _ConnectionReader:
         fraction = offset / edge.length_mm
         point = Point(here.x + fraction * (there.x - here.x), here.y + fraction * (there.y - here.y))
         corner = self.rings[ring].nodes[index].corner and offset == 0.0
-        return _LocatedSite(Site(name, offset), ring, point, walls, corner)
+        return _LocatedSite(RingPosition(name, offset), ring, point, walls, corner)
 
-    def _offset(self, word: Word, name: str, edge: Edge) -> float | None:
+    def _offset(self, word: LineWord, name: str, edge: Edge) -> float | None:
         """Return the distance of a place from its node, in mm."""
         what, limit = "the distance from the node", fields.MAX_LENGTH_MM
         offset = fields.length_mm(self.problems, word, what, 0.0, limit, self.unit)

@@ -52,7 +52,7 @@ class Problems(list[Diagnostic]):
             raise TooManyProblemsError
 
 
-class Word(NamedTuple):
+class LineWord(NamedTuple):
     """A word of a line, and its span."""
 
     text: str
@@ -70,7 +70,7 @@ class Word(NamedTuple):
         return _NUMBER_LIKE.match(self.text) is not None
 
 
-def lines_of_words(source: Source) -> Iterator[list[Word]]:
+def lines_of_words(source: Source) -> Iterator[list[LineWord]]:
     """Return the words of each nonempty line, without comments."""
     start = 0
     while start < len(source.text):
@@ -79,7 +79,7 @@ def lines_of_words(source: Source) -> Iterator[list[Word]]:
         comment = source.text.find("#", start, end)
         stop = end if comment < 0 else comment
         words = [
-            Word(m.group(), Span(source, m.start(), m.end()))
+            LineWord(m.group(), Span(source, m.start(), m.end()))
             for m in _WORD.finditer(source.text, start, stop)
         ]
         if words:
@@ -87,13 +87,13 @@ def lines_of_words(source: Source) -> Iterator[list[Word]]:
         start = end + 1
 
 
-def line_end(words: list[Word]) -> Span:
+def line_end(words: list[LineWord]) -> Span:
     """Return the empty span at the end of a line's last word."""
     last = words[-1].span
     return Span(last.source, last.end, last.end)
 
 
-def values(problems: Problems, words: list[Word], usage: str) -> list[Word] | None:
+def values(problems: Problems, words: list[LineWord], usage: str) -> list[LineWord] | None:
     """Return the words after the first one; None, with an error, if their number is not that in `usage`."""
     expected = len(usage.split())
     if len(words) == expected:
@@ -104,7 +104,7 @@ def values(problems: Problems, words: list[Word], usage: str) -> list[Word] | No
     return None
 
 
-def number(problems: Problems, word: Word, what: str) -> float | None:
+def number(problems: Problems, word: LineWord, what: str) -> float | None:
     """Read a finite decimal number."""
     if _NUMBER.fullmatch(word.text) is None:
         problems.report("M009", word.span, f"expected {what}, a number; found {word.shown}")
@@ -117,7 +117,7 @@ def number(problems: Problems, word: Word, what: str) -> float | None:
 
 
 def number_in_range(
-    problems: Problems, word: Word, what: str, low: float, high: float, unit: str
+    problems: Problems, word: LineWord, what: str, low: float, high: float, unit: str
 ) -> float | None:
     """Read a number whose magnitude is from `low` to `high`."""
     value = number(problems, word, what)
@@ -131,7 +131,7 @@ def number_in_range(
 
 
 def length_mm(
-    problems: Problems, word: Word, what: str, low_mm: float, high_mm: float, unit: str
+    problems: Problems, word: LineWord, what: str, low_mm: float, high_mm: float, unit: str
 ) -> float | None:
     """Read a length in `unit`, with a magnitude in a range given in mm."""
     scale = LENGTH_UNITS[unit]
@@ -143,7 +143,7 @@ def _range_hint(what: str) -> str | None:
     return "two neighboring nodes are at different places" if what == "the length" else None
 
 
-def whole_number(problems: Problems, word: Word, what: str, high: int) -> int | None:
+def whole_number(problems: Problems, word: LineWord, what: str, high: int) -> int | None:
     """Read a whole number from 0 to `high`."""
     if not (word.text.isascii() and word.text.isdigit()):
         problems.report("M009", word.span, f"expected {what}, a whole number; found {word.shown}")
@@ -155,7 +155,7 @@ def whole_number(problems: Problems, word: Word, what: str, high: int) -> int | 
     return value
 
 
-def name(problems: Problems, word: Word, what: str) -> str | None:
+def name(problems: Problems, word: LineWord, what: str) -> str | None:
     """Read a name: letters, digits and `_.'-`, at most 64 of them."""
     if _NAME.fullmatch(word.text) is None:
         hint = "a name is a letter, digit or _, followed by up to 63 letters, digits, _ . ' or -"
@@ -164,7 +164,7 @@ def name(problems: Problems, word: Word, what: str) -> str | None:
     return word.text
 
 
-def edge_kind(problems: Problems, word: Word) -> EdgeKind | None:
+def edge_kind(problems: Problems, word: LineWord) -> EdgeKind | None:
     """Read the kind of an edge: W, D or E."""
     for kind in EdgeKind:
         if word.text == kind.value:

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from colony.nav.maps.stickrep.model import Map, Ring, Site
+from colony.nav.maps.stickrep.model import Map, Ring, RingPosition
 
 _EXACT = {0.0: (0.0, 1.0), 90.0: (-1.0, 0.0), 180.0: (0.0, -1.0), 270.0: (1.0, 0.0)}
 
@@ -34,7 +34,7 @@ def direction(heading_deg: float) -> Point:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Trace:
+class RingTrace:
     """A ring walked once around, before its gap is closed.
 
     Attributes:
@@ -53,7 +53,7 @@ class Trace:
         return Point(self.points[-1].x - self.points[0].x, self.points[-1].y - self.points[0].y)
 
 
-def trace(ring: Ring) -> Trace:
+def trace(ring: Ring) -> RingTrace:
     """Walk along a ring from its start. The first node's turn only counts toward the total."""
     heading = ring.start.heading_deg
     points = [Point(ring.start.x_mm, ring.start.y_mm)]
@@ -65,7 +65,7 @@ def trace(ring: Ring) -> Trace:
         last = points[-1]
         points.append(Point(last.x + edge.length_mm * step.x, last.y + edge.length_mm * step.y))
         headings.append(heading % 360.0)
-    return Trace(
+    return RingTrace(
         points=tuple(points),
         headings_deg=tuple(headings),
         total_turn_deg=sum(node.turn_deg for node in ring.nodes),
@@ -161,7 +161,7 @@ def link_endpoints(source: Map) -> tuple[tuple[Point, Point], ...]:
         for i, (node, edge) in enumerate(zip(ring.nodes, ring.edges, strict=True)):
             begins[node.name] = (nodes[i], nodes[(i + 1) % len(nodes)], edge.length_mm)
 
-    def position_of(site: Site) -> Point:
+    def position_of(site: RingPosition) -> Point:
         here, there, length = begins[site.node]
         fraction = site.offset_mm / length
         return Point(here.x + fraction * (there.x - here.x), here.y + fraction * (there.y - here.y))

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from typing import TypeVar, get_args
 
 from colony.nav.maps.stickrep import fields
-from colony.nav.maps.stickrep.fields import LENGTH_UNITS, Problems, Word
+from colony.nav.maps.stickrep.fields import LENGTH_UNITS, LineWord, Problems
 from colony.nav.maps.stickrep.model import LightOffsets, Travel
 from colony.text.source import Source, Span
-from colony.text.suggestions import did_you_mean
+from colony.text.wording import did_you_mean
 
 _T = TypeVar("_T")
 
@@ -30,13 +30,13 @@ class Header:
         self.unit = "inch"
         self.light_offsets: LightOffsets = "incremental"
         self.travel: Travel = "either"
-        self.tolerance: Word | None = None
-        self.start: tuple[Word, ...] | None = None
-        self.links: list[tuple[Word, Word]] = []
-        self.elevators: list[tuple[Word, Word, Word]] = []
-        self.holes: list[tuple[Word, ...]] = []
-        self.docks: list[tuple[Word, ...]] = []
-        self._unique: dict[str, tuple[str, Callable[[list[Word]], None]]] = {
+        self.tolerance: LineWord | None = None
+        self.start: tuple[LineWord, ...] | None = None
+        self.links: list[tuple[LineWord, LineWord]] = []
+        self.elevators: list[tuple[LineWord, LineWord, LineWord]] = []
+        self.holes: list[tuple[LineWord, ...]] = []
+        self.docks: list[tuple[LineWord, ...]] = []
+        self._unique: dict[str, tuple[str, Callable[[list[LineWord]], None]]] = {
             "map": ("map NAME", self._map),
             "floor": ("floor NAME", self._floor),
             "start": ("start X Y HEADING", self._start),
@@ -45,7 +45,7 @@ class Header:
             "closure": ("closure LENGTH", self._closure),
             "travel": ("travel WAY", self._travel),
         }
-        self._repeatable: dict[str, tuple[str, Callable[[list[Word]], None]]] = {
+        self._repeatable: dict[str, tuple[str, Callable[[list[LineWord]], None]]] = {
             "link": ("link PLACE PLACE", self._link),
             "elevator": ("elevator NODE FILE NODE", self._elevator),
             "hole": ("hole X Y X Y", self._hole),
@@ -57,7 +57,7 @@ class Header:
         """The first words of all kinds of header lines."""
         return (*self._unique, *self._repeatable)
 
-    def read_line(self, words: list[Word]) -> bool:
+    def read_line(self, words: list[LineWord]) -> bool:
         """Read a line if it belongs to the header, and return True; report an unknown line."""
         key = words[0]
         if key.text == "ring" or key.looks_like_number:
@@ -77,7 +77,7 @@ class Header:
             self._read(words, *self._unique[key.text])
         return True
 
-    def _read(self, words: list[Word], usage: str, handle: Callable[[list[Word]], None]) -> None:
+    def _read(self, words: list[LineWord], usage: str, handle: Callable[[list[LineWord]], None]) -> None:
         """Handle the values of a line if their number matches its usage."""
         values = fields.values(self.problems, words, usage)
         if values:
@@ -92,34 +92,34 @@ class Header:
         self.problems.report("M005", span, message, "remove one of the two lines")
         return False
 
-    def _map(self, values: list[Word]) -> None:
+    def _map(self, values: list[LineWord]) -> None:
         self.name = fields.name(self.problems, values[0], "the map's name")
 
-    def _floor(self, values: list[Word]) -> None:
+    def _floor(self, values: list[LineWord]) -> None:
         self.floor = fields.name(self.problems, values[0], "the floor's name") or ""
 
-    def _start(self, values: list[Word]) -> None:
+    def _start(self, values: list[LineWord]) -> None:
         self.start = tuple(values)
 
-    def _closure(self, values: list[Word]) -> None:
+    def _closure(self, values: list[LineWord]) -> None:
         self.tolerance = values[0]
 
-    def _unit(self, values: list[Word]) -> None:
+    def _unit(self, values: list[LineWord]) -> None:
         if values[0].text in LENGTH_UNITS:
             self.unit = values[0].text
             return
         message = f"expected a unit of length, {', '.join(LENGTH_UNITS)}; found {values[0].shown}"
         self.problems.report("M007", values[0].span, message)
 
-    def _lights(self, values: list[Word]) -> None:
+    def _lights(self, values: list[LineWord]) -> None:
         hint = "offsets count from the light before (incremental), or all from the node (cumulative)"
         self.light_offsets = self._choice(get_args(LightOffsets), values[0], hint) or self.light_offsets
 
-    def _travel(self, values: list[Word]) -> None:
+    def _travel(self, values: list[LineWord]) -> None:
         hint = "paths follow the rings both ways (either), or only as these are traced (wall-on-left)"
         self.travel = self._choice(get_args(Travel), values[0], hint) or self.travel
 
-    def _choice(self, choices: tuple[_T, ...], word: Word, hint: str) -> _T | None:
+    def _choice(self, choices: tuple[_T, ...], word: LineWord, hint: str) -> _T | None:
         """Return the choice that equals the word; None, with an error, if there is none."""
         for choice in choices:
             if word.text == choice:
@@ -128,14 +128,14 @@ class Header:
         self.problems.report("M007", word.span, message, hint)
         return None
 
-    def _link(self, values: list[Word]) -> None:
+    def _link(self, values: list[LineWord]) -> None:
         self.links.append((values[0], values[1]))
 
-    def _hole(self, values: list[Word]) -> None:
+    def _hole(self, values: list[LineWord]) -> None:
         self.holes.append(tuple(values))
 
-    def _dock(self, values: list[Word]) -> None:
+    def _dock(self, values: list[LineWord]) -> None:
         self.docks.append(tuple(values))
 
-    def _elevator(self, values: list[Word]) -> None:
+    def _elevator(self, values: list[LineWord]) -> None:
         self.elevators.append((values[0], values[1], values[2]))

@@ -43,7 +43,7 @@ class Pose(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Light:
+class MapLight:
     """A ceiling light's projection onto an edge, `offset_mm` after the edge's node.
 
     A `shared` light hangs in a turning space, where corridors meet, and is projected onto two edges; its
@@ -84,7 +84,7 @@ class Edge:
     kind: EdgeKind
     length_mm: float
     counted: bool = True
-    lights: tuple[Light, ...] = ()
+    lights: tuple[MapLight, ...] = ()
     attribute: str = ""
 
 
@@ -106,22 +106,22 @@ class Ring:
         return sum(edge.length_mm for edge in self.edges if edge.counted)
 
 
-class Site(NamedTuple):
+class RingPosition(NamedTuple):
     """A position on a ring: a node, or `offset_mm` after it on its edge."""
 
     node: str
     offset_mm: float = 0.0
 
 
-class Link(NamedTuple):
+class RingLink(NamedTuple):
     """Two positions on different rings between which the robot can drive.
 
     They face each other across a corridor, or are corners of one turning space. A path may change rings
     there, and the distance across is not counted (thesis section 5.1.1, where rings are not linked, and 7.2).
     """
 
-    first: Site
-    second: Site
+    first: RingPosition
+    second: RingPosition
 
 
 class ElevatorLink(NamedTuple):
@@ -160,7 +160,7 @@ class Map:
     name: str
     start: Pose
     rings: tuple[Ring, ...]
-    links: tuple[Link, ...] = ()
+    links: tuple[RingLink, ...] = ()
     elevators: tuple[ElevatorLink, ...] = ()
     holes: tuple[Hole, ...] = ()
     docks: tuple[Pose, ...] = ()

@@ -41,8 +41,8 @@ from dataclasses import dataclass, field
 from colony.nav.maps.source import load_building_source
 from colony.nav.maps.stickrep import fields
 from colony.nav.maps.stickrep.checks import (
-    Connections,
     MapSpans,
+    RingConnections,
     RingSpans,
     check_map,
     check_ring,
@@ -50,9 +50,9 @@ from colony.nav.maps.stickrep.checks import (
 )
 from colony.nav.maps.stickrep.fields import (
     LENGTH_UNITS,
+    LineWord,
     Problems,
     TooManyProblemsError,
-    Word,
     line_end,
     lines_of_words,
 )
@@ -61,12 +61,12 @@ from colony.nav.maps.stickrep.model import (
     DEFAULT_TOLERANCE_MM,
     Edge,
     Hole,
-    Light,
     Map,
+    MapLight,
     MapNode,
     Pose,
     Ring,
-    Site,
+    RingPosition,
 )
 from colony.text.diagnostics import DiagnosticError, error, in_order
 from colony.text.source import Source, Span
@@ -151,7 +151,7 @@ class _Reader:
                 self.rings[-1].valid = False
         return self._finish()
 
-    def _is_stickrep(self, first: list[Word] | None) -> bool:
+    def _is_stickrep(self, first: list[LineWord] | None) -> bool:
         hint = f"a map begins with the line `stickrep {FORMAT_VERSION}`"
         if first is None:
             found = "there are only comments" if self.source.text.strip() else "the text is empty"
@@ -171,9 +171,9 @@ class _Reader:
             return False
         return True
 
-    def _body(self, lines: Iterator[list[Word]]) -> list[list[Word]]:
+    def _body(self, lines: Iterator[list[LineWord]]) -> list[list[LineWord]]:
         """Read the header lines, and return all other lines."""
-        body: list[list[Word]] = []
+        body: list[list[LineWord]] = []
         for words in lines:
             if not self.header.read_line(words):
                 body.append(words)
@@ -187,10 +187,10 @@ class _Reader:
 
     # Rings and rows
 
-    def _mm(self, word: Word, what: str, low_mm: float, high_mm: float) -> float | None:
+    def _mm(self, word: LineWord, what: str, low_mm: float, high_mm: float) -> float | None:
         return fields.length_mm(self.problems, word, what, low_mm, high_mm, self.header.unit)
 
-    def _pose(self, words: tuple[Word, ...] | list[Word]) -> Pose | None:
+    def _pose(self, words: tuple[LineWord, ...] | list[LineWord]) -> Pose | None:
         limit = fields.MAX_COORDINATE_MM
         x = self._mm(words[0], "x", 0.0, limit)
         y = self._mm(words[1], "y", 0.0, limit)
@@ -220,7 +220,7 @@ class _Reader:
         read = ((self._pose(words), words[0].span.to(words[-1].span)) for words in self.header.docks)
         return [(pose, span) for pose, span in read if pose is not None]
 
-    def _ring(self, words: list[Word]) -> None:
+    def _ring(self, words: list[LineWord]) -> None:
         values = fields.values(self.problems, words, "ring NAME X Y HEADING")
         name = fields.name(self.problems, values[0], "the ring's name") if values else None
         pose = self._pose(values[1:]) if values else None
@@ -232,7 +232,7 @@ class _Reader:
         ring.valid = name is not None and pose is not None
         self.rings.append(ring)
 
-    def _row(self, words: list[Word]) -> None:
+    def _row(self, words: list[LineWord]) -> None:
         if not self.rings:
             message = f"expected a header line or `ring`; found a row that begins with {words[0].shown}"
             self.problems.report("M013", words[0].span, message, "a ring begins with `ring NAME X Y HEADING`")
@@ -253,7 +253,7 @@ class _Reader:
         ring.node_spans.append(words[1].span)
         ring.light_spans.append(tuple(w.span for w in words[4 : 4 + len(edge.lights)]))
 
-    def _node(self, words: list[Word]) -> MapNode | None:
+    def _node(self, words: list[LineWord]) -> MapNode | None:
         angle = fields.number_in_range(self.problems, words[0], "the angle", 0.0, 360.0, "degrees")
         if angle is not None and abs(angle) in (0.0, 360.0):
             message = f"the angle is {words[0].shown}; expected one between 0 and 360 degrees, either sign"
@@ -274,7 +274,7 @@ class _Reader:
             return None
         return MapNode(name=name, angle_deg=abs(angle), corner=angle < 0)
 
-    def _edge(self, words: list[Word]) -> Edge | None:
+    def _edge(self, words: list[LineWord]) -> Edge | None:
         kind = fields.edge_kind(self.problems, words[2])
         count = fields.whole_number(self.problems, words[3], "the number of lights", fields.MAX_LIGHTS)
         if count is None:
@@ -298,8 +298,8 @@ class _Reader:
             attribute=" ".join(w.text for w in words[length_index + 1 :]),
         )
 
-    def _light_offsets(self, words: list[Word]) -> tuple[Light, ...] | None:
-        lights: list[Light] = []
+    def _light_offsets(self, words: list[LineWord]) -> tuple[MapLight, ...] | None:
+        lights: list[MapLight] = []
         last = 0.0
         valid = True
         for word in words:
@@ -313,7 +313,7 @@ class _Reader:
                 hint = "cumulative offsets all count from the node; `lights incremental` is the other way"
                 self.problems.report("M019", word.span, message, hint)
                 valid = False
-            lights.append(Light(offset_mm=offset_mm, shared=word.text.startswith("-")))
+            lights.append(MapLight(offset_mm=offset_mm, shared=word.text.startswith("-")))
             last = offset_mm
         return tuple(lights) if valid else None
 
@@ -331,7 +331,7 @@ class _Reader:
         rings = tuple(ring.finish() for ring in self.rings)
         valid = bool(rings) and all(ring.valid for ring in self.rings)
         # If a row could not be read, its node is unknown, and correct links to it would be reported.
-        none = Connections(links=(), elevators=())
+        none = RingConnections(links=(), elevators=())
         connections = read_connections(self.problems, header, rings) if valid else none
         if start is None or header.start is None or tolerance is None or header.name is None:
             return None
@@ -432,7 +432,7 @@ def _ring(ring: Ring, scale: float, cumulative: bool) -> str:
     return "\n".join([f"ring {ring.name} {_pose(ring.start, scale)}", *lines])
 
 
-def _site(site: Site, scale: float) -> str:
+def _site(site: RingPosition, scale: float) -> str:
     offset = _number(site.offset_mm / scale)
     return site.node if offset == "0" else f"{site.node}+{offset}"
 

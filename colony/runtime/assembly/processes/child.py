@@ -15,8 +15,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from colony.collector import gc_frozen
-from colony.os_errors import describe
-from colony.runtime.assembly.processes.driver_factory import DriverError, DriverFactory
+from colony.files import describe
 from colony.runtime.assembly.processes.hosting import HostedParts, leading
 from colony.runtime.assembly.processes.shutdown import (
     EXIT_FAILED,
@@ -28,10 +27,13 @@ from colony.runtime.assembly.processes.shutdown import (
     make_printing_safe,
     on_parent_exit,
     on_signals,
+    reporting_stalls,
 )
 from colony.runtime.assembly.processes.spec import (
     AnnouncerPart,
     ClientsPart,
+    DriverError,
+    DriverFactory,
     GatewayPart,
     GroupPart,
     Part,
@@ -40,11 +42,10 @@ from colony.runtime.assembly.processes.spec import (
     read_spec,
     singles,
 )
-from colony.runtime.assembly.processes.stalls import reporting_stalls
 from colony.runtime.store.store import StoreError
-from colony.runtime.transport.live.errors import GatewayFullError, LiveError
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
+from colony.runtime.transport.live.run_directory import GatewayFullError, LiveError
 from colony.text.diagnostics import DiagnosticError
 
 

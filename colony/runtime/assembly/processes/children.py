@@ -42,6 +42,15 @@ EXPLAINED_SIGNALS = frozenset({signal.SIGSEGV, signal.SIGFPE, signal.SIGABRT, si
 POLL_INTERVAL_S = 0.005
 """Seconds between two checks whether a terminated process has ended."""
 
+HEALTH_CHECK_INTERVAL_S = 0.05
+"""Seconds between two health checks of the processes."""
+
+SHUTDOWN_GRACE_S = 2.5
+"""Grace period of a shutdown wave in seconds before its processes are killed.
+
+It is longer than the processes need to end on their own.
+"""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
@@ -85,6 +94,10 @@ class Death(NamedTuple):
     final: bool
 
 
+class RunFailedError(Exception):
+    """The processes cannot begin or continue; the message, of one line or several, gives the reason."""
+
+
 @dataclass(frozen=False, slots=True)
 class _Child:
     job: Job
@@ -124,6 +137,21 @@ class Children:
     def poll(self) -> tuple[Death, ...]:
         """Return the deaths since the last call, and restart processes that are due."""
         return tuple(death for child in self._children.values() for death in self._check(child))
+
+    def check(
+        self,
+        on_death: Callable[[Death], None],
+        is_required: Callable[[Job], bool] = lambda job: job.essential,
+    ) -> None:
+        """Restart the processes that are due, and pass on the deaths since the last call.
+
+        Raises:
+            RunFailedError: a required process died and is not restarted.
+        """
+        for death in self.poll():
+            if death.pause_s is None and is_required(death.job):
+                raise RunFailedError(describe(death))
+            on_death(death)
 
     def pid(self, name: str) -> int | None:
         """Return the id of a live process, None for any other."""

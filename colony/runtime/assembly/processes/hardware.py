@@ -17,8 +17,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from colony.runtime.assembly.processes.driver_factory import DriverError
-from colony.runtime.assembly.processes.spec import Hardware
+from colony.runtime.assembly.processes.spec import DriverError, HardwareDriver
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
 from colony.runtime.servers.commanding import NotSentError
 from colony.runtime.servers.drivers import (
@@ -29,8 +28,7 @@ from colony.runtime.servers.drivers import (
     problems_of,
     unreached_of,
 )
-from colony.text.suggestions import did_you_mean
-from colony.text.wording import listed
+from colony.text.wording import did_you_mean, listed
 
 DEVICE_METHODS = ("fields", "command", "safe", "close")
 BASE_METHODS = ("drive", "stop", "state")
@@ -43,7 +41,7 @@ MAX_MAGNITUDE = 1e9
 _MEASURED = tuple(field.name for field in fields(BaseState) if field.name != "t_ns")
 
 
-def load_driver(hardware: Hardware) -> Any:
+def load_driver(hardware: HardwareDriver) -> Any:
     """Import the class of a driver, and make the driver.
 
     Raises:
@@ -66,7 +64,7 @@ def load_driver(hardware: Hardware) -> Any:
         raise _error(hardware, "cannot be made", _why(problem, hardware), is_final=False) from None
 
 
-def _frame(make: Callable[..., Any], hardware: Hardware) -> dict[str, int]:
+def _frame(make: Callable[..., Any], hardware: HardwareDriver) -> dict[str, int]:
     """Return the length of a frame, for a driver with a parameter `frame_ns` that the body does not give."""
     try:
         is_asked = "frame_ns" in inspect.signature(make).parameters
@@ -75,7 +73,7 @@ def _frame(make: Callable[..., Any], hardware: Hardware) -> dict[str, int]:
     return {"frame_ns": hardware.frame_ns} if is_asked and "frame_ns" not in hardware.options else {}
 
 
-def device_driver(driver: Any, hardware: Hardware, commands: Iterable[str] = ()) -> DeviceDriver:
+def device_driver(driver: Any, hardware: HardwareDriver, commands: Iterable[str] = ()) -> DeviceDriver:
     """Return a driver as one of a device with fields and these commands.
 
     Raises:
@@ -115,7 +113,7 @@ class HardwareBase:
         self,
         driver: Any,
         limits: BaseLimits,
-        hardware: Hardware,
+        hardware: HardwareDriver,
         *,
         origin_ns: int,
         report: Report,
@@ -224,7 +222,7 @@ def _expect_valid(state: Any, now_ns: int) -> None:
             raise TypeError(f"{name} is {value!r:.100}; expected a finite number, up to {MAX_MAGNITUDE:g}")
 
 
-def _expect_methods(driver: Any, hardware: Hardware, names: tuple[str, ...]) -> None:
+def _expect_methods(driver: Any, hardware: HardwareDriver, names: tuple[str, ...]) -> None:
     missing = [name for name in names if not callable(getattr(driver, name, None))]
     if missing:
         close_driver(driver, lambda text: None)
@@ -233,12 +231,12 @@ def _expect_methods(driver: Any, hardware: Hardware, names: tuple[str, ...]) -> 
         raise _error(hardware, "is no driver", why + expected, is_final=True)
 
 
-def _error(hardware: Hardware, what: str, why: str, *, is_final: bool) -> DriverError:
+def _error(hardware: HardwareDriver, what: str, why: str, *, is_final: bool) -> DriverError:
     origin = f"{hardware.origin}: " if hardware.origin else ""
     return DriverError(f"{origin}the driver `{hardware.driver}` {what}: {why}", is_final=is_final)
 
 
-def _why(problem: BaseException, hardware: Hardware) -> str:
+def _why(problem: BaseException, hardware: HardwareDriver) -> str:
     """Return what was raised and where: the last line in the user's folders, else the last of all."""
     text = f"{type(problem).__name__}: {exception_text(problem)}".rstrip(": ")
     if isinstance(problem, SyntaxError) and problem.filename:

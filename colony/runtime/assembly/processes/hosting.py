@@ -13,17 +13,58 @@ import traceback
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from threading import Event, Thread
 
-from colony.os_errors import is_out_of_memory
-from colony.runtime.assembly.processes.driver_factory import DriverFactory
+from colony.execute.compiled import Compiled
+from colony.files import is_out_of_memory
+from colony.runtime.assembly.limits import CALL_TIMEOUT_S, lead_limits
 from colony.runtime.assembly.processes.parts import nodes_of, read_program
 from colony.runtime.assembly.processes.restarts import Restarts
-from colony.runtime.assembly.processes.spec import LimitsPart, SinglePart
+from colony.runtime.assembly.processes.spec import DriverFactory, LimitsPart, SinglePart
+from colony.runtime.kit.connection import Session
+from colony.runtime.kit.hub import Hub
+from colony.runtime.kit.script_live import run_script
 from colony.runtime.protocol.messages import Node
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.host import Host, Replacement
 from colony.runtime.transport.live.outbox import Report
 from colony.runtime.transport.live.robot_address import RobotAddress
+
+# --- limits leader -------------------------------------------------------------------------------------
+#
+# The thread that keeps the limits of a robot's description deployed, in the process of their clients.
+
+
+@contextmanager
+def leading_limits(host: Host, compiled: Compiled) -> Iterator[None]:
+    """Lead the limits inside the `with`. A failure stops the host, and is raised at the end.
+
+    Raises:
+        Exception: as raised by the script, which handles refusals and lost connections itself.
+    """
+    stop, failures = Event(), list[BaseException]()
+
+    def lead() -> None:
+        try:
+            run_script(session, lead_limits(compiled), name="limits", stop=stop, timeout_s=CALL_TIMEOUT_S)
+        except BaseException as failure:
+            failures.append(failure)
+            host.stop()
+
+    with Session(Hub(host.network)) as session:
+        thread = Thread(target=lead, name="limits", daemon=True)
+        thread.start()
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()
+    if failures:
+        raise failures[0]
+
+
+# --- hosting -------------------------------------------------------------------------------------------
+
 
 SWITCH_INTERVAL_S = 0.0005
 """Seconds after which a thread that runs Python gives way to another one, a tenth of Python's default.
@@ -129,7 +170,7 @@ def leading(host: Host, parts: Iterable[SinglePart]) -> Iterator[None]:
     with ExitStack() as resources:
         for part in parts:
             if isinstance(part, LimitsPart):
-                from colony.runtime.assembly.processes.limits_leader import leading_limits
+                from colony.runtime.assembly.processes.hosting import leading_limits
 
                 resources.enter_context(leading_limits(host, read_program(part.program)[0]))
         yield

@@ -28,7 +28,7 @@ from colony.runtime.assembly.processes.spec import (
     DServerPart,
     GatewayPart,
     GroupPart,
-    Hardware,
+    HardwareDriver,
     LimitsPart,
     Part,
     ProgramOfRun,
@@ -49,7 +49,7 @@ from colony.runtime.protocol.deployment import LIMITS_RUN, Deployment
 from colony.runtime.protocol.interface import Interface
 from colony.runtime.protocol.topics import client_address
 from colony.runtime.servers.drivers import BaseLimits
-from colony.runtime.store.reserve import Reserve
+from colony.runtime.store.store import Reserve
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
 CHILD = "colony.runtime.assembly.processes.child"
@@ -113,7 +113,7 @@ class RobotDevices:
     base: BaseLimits | None = None
     sonars: int | None = None
     servers: tuple[ServerSpec, ...] = ()
-    hardware: Mapping[str, Hardware] = field(default_factory=dict)
+    hardware: Mapping[str, HardwareDriver] = field(default_factory=dict)
     absent: tuple[str, ...] = ()
 
 
@@ -202,7 +202,9 @@ def _grouped(parts: Iterable[Part]) -> tuple[tuple[SinglePart, ...], tuple[Part,
     apart: list[Part] = []
     lines: dict[object, list[SinglePart]] = {}
     for part in parts:
-        if isinstance(part, (RServerPart, DevicePart)) and isinstance(hardware := part.device, Hardware):
+        if isinstance(part, (RServerPart, DevicePart)) and isinstance(
+            hardware := part.device, HardwareDriver
+        ):
             lines.setdefault(_line(name_of(part), hardware), []).append(part)
         elif isinstance(part, (CServerPart, AnnouncerPart, GatewayPart, GroupPart)) or (
             isinstance(part, ClientsPart) and not part.shared
@@ -214,7 +216,7 @@ def _grouped(parts: Iterable[Part]) -> tuple[tuple[SinglePart, ...], tuple[Part,
     return tuple(together), tuple(apart)
 
 
-def _line(server: str, hardware: Hardware) -> tuple[str | int | float, ...]:
+def _line(server: str, hardware: HardwareDriver) -> tuple[str | int | float, ...]:
     """Return what the drivers of a process have in common, and no others."""
     port = hardware.options.get(PORT)
     if hardware.process is not None:
@@ -282,7 +284,7 @@ def job_of(
     write_spec(spec, Spec(robot_address=address_spec(robot_address), part=part))
     parts = () if isinstance(part, GatewayPart) else singles(part)
     devices = [getattr(each, "device", None) for each in parts]
-    is_real = any(isinstance(device, Hardware) for device in devices)
+    is_real = any(isinstance(device, HardwareDriver) for device in devices)
     is_client = isinstance(part, AnnouncerPart) or (isinstance(part, ClientsPart) and not part.shared)
     clients = tuple(client_address(*c) for c in part.clients) if isinstance(part, ClientsPart) else ()
     return Job(

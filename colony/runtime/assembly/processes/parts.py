@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, assert_never
 
-from colony.runtime.assembly.processes.driver_factory import DriverFactory
 from colony.runtime.assembly.processes.shutdown import log_line
 from colony.runtime.assembly.processes.spec import (
     AnnouncerPart,
@@ -20,8 +19,9 @@ from colony.runtime.assembly.processes.spec import (
     CServerPart,
     DevicePart,
     DevicesPart,
+    DriverFactory,
     DServerPart,
-    Hardware,
+    HardwareDriver,
     LimitsPart,
     ProgramOfRun,
     PServerPart,
@@ -100,7 +100,7 @@ def _device_server(
     if not isinstance(robot_address, Local):
         raise ValueError("a server of a device runs on the robot's own machine")
     robot, origin_ns = robot_address.robot, robot_address.directory.origin_ns()
-    if isinstance(part.device, Hardware):
+    if isinstance(part.device, HardwareDriver):
         return _hardware_server(part, part.device, origin_ns, resources, report)
     if devices is None:
         raise ValueError("a server of a simulated device runs with the drivers of the simulator")
@@ -126,7 +126,7 @@ def _device_server(
 
 
 def _hardware_server(
-    part: DevicesPart, hardware: Hardware, origin_ns: int, resources: ExitStack, report: Report
+    part: DevicesPart, hardware: HardwareDriver, origin_ns: int, resources: ExitStack, report: Report
 ) -> Node:
     """Return the server of a real device.
 
@@ -161,7 +161,7 @@ def _hardware_server(
 
 def _dserver(part: DServerPart, robot_address: RobotAddress, report: Report) -> Node:
     from colony.runtime.servers.dserver import DServer
-    from colony.runtime.store.quarantine import damage_notes
+    from colony.runtime.store.sqlite import damage_notes
 
     if not isinstance(robot_address, Local):
         raise ValueError("DServer runs on the robot's own machine")

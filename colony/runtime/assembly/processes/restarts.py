@@ -6,6 +6,8 @@ A process that somebody kills has not failed, and is restarted however often.
 
 from __future__ import annotations
 
+from colony.backoff import Backoff
+
 STABLE_NS = 5_000_000_000
 """Lifetime, in nanoseconds, after which a process counts as stable."""
 
@@ -30,6 +32,7 @@ class Restarts:
 
     def __init__(self, *, gives_up: bool = True) -> None:
         self._gives_up = gives_up
+        self._pauses = Backoff(FIRST_PAUSE_NS, MAX_PAUSE_NS)
         self.quick_deaths = 0
         self._killed_soon = False
         self.total = 0
@@ -43,10 +46,10 @@ class Restarts:
             self._killed_soon = hurried
             return now_ns + pause
         self.quick_deaths = 1 if now_ns - began_ns >= STABLE_NS else self.quick_deaths + 1
-        if self.quick_deaths >= MAX_QUICK_DEATHS:
-            if self._gives_up:
-                return None
-            self.quick_deaths = MAX_QUICK_DEATHS
+        if self._gives_up and self.quick_deaths >= MAX_QUICK_DEATHS:
+            return None
         self.total += 1
-        pause = 0 if self.quick_deaths == 1 else min(FIRST_PAUSE_NS << (self.quick_deaths - 2), MAX_PAUSE_NS)
-        return now_ns + pause
+        if self.quick_deaths == 1:
+            self._pauses.reset()
+            return now_ns
+        return now_ns + self._pauses.next()

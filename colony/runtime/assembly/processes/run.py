@@ -14,19 +14,26 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 
 from colony.collector import gc_frozen
-from colony.runtime.assembly.processes.children import Children, Job, describe
-from colony.runtime.assembly.processes.clock_watch import WindowWatch
-from colony.runtime.assembly.processes.deploying import ProgramDeployer
-from colony.runtime.assembly.processes.driver_factory import DriverFactory
+from colony.runtime.assembly.processes.children import (
+    HEALTH_CHECK_INTERVAL_S,
+    SHUTDOWN_GRACE_S,
+    Children,
+    Death,
+    Job,
+    RunFailedError,
+    describe,
+)
 from colony.runtime.assembly.processes.hosting import HostedParts, leading
-from colony.runtime.assembly.processes.restarted_script import RestartedScript
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
-from colony.runtime.assembly.processes.spec import ClientsPart, SinglePart, name_of
-from colony.runtime.assembly.processes.stalls import reporting_stalls
-from colony.runtime.assembly.processes.window import Window
-from colony.runtime.kit.connection import Session
+from colony.runtime.assembly.processes.shutdown import reporting_stalls
+from colony.runtime.assembly.processes.spec import ClientsPart, DriverFactory, SinglePart, name_of
+from colony.runtime.assembly.processes.window import RecordingWindow, WindowWatch
+from colony.runtime.kit.connection import Connection, Session
+from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError, ServerNotFoundError
 from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.script import Script
+from colony.runtime.kit.script_live import RestartedScript
+from colony.runtime.library.clock import deploy
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import Node
@@ -34,21 +41,120 @@ from colony.runtime.protocol.topics import client_address
 from colony.runtime.transport.live.host import Host, Replacement
 from colony.runtime.transport.live.robot_address import Local, RobotAddress
 
-HEALTH_CHECK_INTERVAL_S = 0.05
-"""Seconds between two health checks of the processes."""
+# --- deploying -----------------------------------------------------------------------------------------
+#
+# The leader's connections, which deploy the program to the Clock and to every participating server.
+#
+# A restarted server gets the program again. The run ends when these connections do. Each server has its own
+# thread here, so that a missing server does not delay the others.
 
-SHUTDOWN_GRACE_S = 2.5
-"""Grace period of a shutdown wave in seconds before its processes are killed.
 
-It is longer than the processes need to end on their own.
-"""
+PAUSE_S = 0.05
+"""Seconds between two attempts to reach a server."""
+
+REFUSED_PAUSE_S = 0.5
+"""Seconds between two attempts to deploy to a server that is in another run, whose leader may have died."""
+
+BUSY_TIMEOUT_S = 3.0
+"""Seconds that a server may be in another run before this run fails; longer than a lease."""
+
+
+class ProgramDeployer:
+    """Deploys a program to its servers. Stateful: knows which servers accepted it, and the first refusal.
+
+    Args:
+        session: session of this process with the robot; the deployer does not close it.
+        deployment: program to run.
+        servers: names of the servers.
+        report: callback for a sentence about each server that it waits for; called from other threads.
+    """
+
+    def __init__(
+        self, session: Session, deployment: Deployment, servers: Iterable[str], report: Callable[[str], None]
+    ) -> None:
+        self._session = session
+        self._deployment = deployment
+        self._report = report
+        self._stop = threading.Event()
+        self._accepting_servers: set[str] = set()
+        self.refusal: str | None = None
+        self._threads = [
+            threading.Thread(
+                target=self._keep_deployed, args=(server,), name=f"deploys to {server}", daemon=True
+            )
+            for server in servers
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    @property
+    def accepting_servers(self) -> frozenset[str]:
+        """The servers that accepted the program."""
+        return frozenset(self._accepting_servers)
+
+    def close(self) -> None:
+        """End the run. Idempotent."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+
+    # --- one server ----------------------------------------------------------------------------------
+
+    def _keep_deployed(self, server: str) -> None:
+        with ExitStack() as resources:
+            connection = self._connect(server)
+            if connection is None:
+                return
+            resources.enter_context(connection)
+            if self._deploy(server, connection):
+                self._accepting_servers.add(server)
+                self._stop.wait()
+
+    def _connect(self, server: str) -> Connection | None:
+        """Wait for the server, and return a connection; None if it refuses or the run ends."""
+        name = f"run of {self._deployment.program}"
+        reported = False
+        while not self._stop.is_set():
+            try:
+                return self._session.connect(server, name=name)
+            except ServerNotFoundError as problem:
+                if not reported:
+                    self._report(f"waiting: {problem}")
+                    reported = True
+            except CallRefusedError as problem:
+                self._note_refusal(server, problem)
+                return None
+            except RobotConnectionError:
+                pass
+            self._stop.wait(PAUSE_S)
+        return None
+
+    def _deploy(self, server: str, connection: Connection) -> bool:
+        """Deploy now and after every restart of the server; return True if it accepted the program."""
+        waited_s = 0.0
+        while not self._stop.is_set():
+            try:
+                connection.keep(deploy(self._deployment))
+                return True
+            except CallRefusedError as problem:
+                if problem.code != "busy" or waited_s >= BUSY_TIMEOUT_S:
+                    self._note_refusal(server, problem)
+                    return False
+                self._stop.wait(REFUSED_PAUSE_S)
+                waited_s += REFUSED_PAUSE_S
+            except RobotConnectionError:
+                self._stop.wait(PAUSE_S)
+        return False
+
+    def _note_refusal(self, server: str, problem: CallRefusedError) -> None:
+        self.refusal = self.refusal or f"{server}: {problem.message}"
+
+
+# --- run -----------------------------------------------------------------------------------------------
+
 
 START_TIMEOUT_S = 20.0
 """Timeout in seconds for a run to begin."""
-
-
-class RunFailedError(Exception):
-    """The run cannot begin or continue; the message, of one line or several, gives the reason."""
 
 
 class SupervisedRun:
@@ -77,7 +183,7 @@ class SupervisedRun:
         servers: Iterable[str],
         *,
         observer: Node,
-        window: Window,
+        window: RecordingWindow,
         status_tracker: RunStatusTracker,
         report: Callable[[str], None],
         on_end: Callable[[], None] = lambda: None,
@@ -170,7 +276,7 @@ class SupervisedRun:
                 return False
             if time.monotonic() > deadline:
                 raise RunFailedError(f"{what} takes longer than {timeout_s:g} s")
-            self._check_children()
+            self._children.check(self._note_death, self._requires)
             self._window.changed.wait(HEALTH_CHECK_INTERVAL_S)
         return True
 
@@ -196,7 +302,7 @@ class SupervisedRun:
             if stop():
                 self._window.shut()
                 return False
-            self._check_children()
+            self._children.check(self._note_death, self._requires)
             self._check(deployer, late=time.monotonic() > begin_by)
             failure = self._clock_watch.check(time.monotonic())
             if failure is not None:
@@ -252,16 +358,10 @@ class SupervisedRun:
         if killed:
             self._report(f"killed, because they did not end in time: {', '.join(killed)}")
 
-    def _check_children(self) -> None:
-        for death in self._children.poll():
-            text = describe(death)
-            restarted = death.pause_s is not None
-            self._status_tracker.record_death(
-                death.job.clients, death.tail[-1] if death.tail else death.cause, restarted=restarted
-            )
-            if not restarted and self._requires(death.job):
-                raise RunFailedError(text)
-            self._report(text)
+    def _note_death(self, death: Death) -> None:
+        reason, restarted = death.tail[-1] if death.tail else death.cause, death.pause_s is not None
+        self._status_tracker.record_death(death.job.clients, reason, restarted=restarted)
+        self._report(describe(death))
 
     def _requires(self, job: Job) -> bool:
         """Return True if the run must end because this process died: it is essential, or it never joined.

@@ -27,8 +27,8 @@ from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, R
 from colony.runtime.protocol.deployment import Deployment, client_addresses
 from colony.runtime.protocol.messages import Effect, Message, QuietNode
 from colony.runtime.protocol.topics import client_address
-from colony.runtime.recordings.keyframes import keyframe_members
-from colony.runtime.recordings.site import site_text
+from colony.runtime.recordings.json_text import keyframe_members
+from colony.runtime.recordings.replay import site_text
 
 MAX_SOURCE_BYTES = 2 * 1024 * 1024
 """Maximum size of source files that are sent to a reader, in bytes: half of the largest message."""

@@ -8,25 +8,34 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 
 from colony.execute.colonyc import from_shape, shape, to_shape
-from colony.files import read_file
+from colony.files import naming, read_file
 from colony.ir.program import DEFAULT_FRAME_NS
 from colony.ir.servers import ServerSpec
 from colony.ir.types import Value
-from colony.os_errors import naming
 from colony.runtime.assembly.limits import LIMITS
 from colony.runtime.assembly.sharing import ClientProcess, announcer_process_name
 from colony.runtime.protocol.bindings import Bindings
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.interface import Interface
-from colony.runtime.servers.drivers import BaseLimits
+from colony.runtime.servers.drivers import (
+    BaseDriver,
+    BaseLimits,
+    CameraDriver,
+    DeviceDriver,
+    ProximityDriver,
+)
 from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress
 from colony.runtime.transport.live.run_directory import RobotDirectory
+
+# --- spec ----------------------------------------------------------------------------------------------
+
 
 SPEC_BYTES = 4 * 1024 * 1024
 """Size limit of a spec, in bytes; a spec contains about as much as a command line."""
@@ -56,7 +65,7 @@ class Device(msgspec.Struct, frozen=True, kw_only=True, tag="plant"):
     plant: str
 
 
-class Hardware(msgspec.Struct, frozen=True, kw_only=True, tag="driver"):
+class HardwareDriver(msgspec.Struct, frozen=True, kw_only=True, tag="driver"):
     """A driver of a real device: the class `driver`, as `module:Class`, which is called with `options`.
 
     Drivers with the same `process` share a process. `search_path` are additional folders of its module;
@@ -71,7 +80,7 @@ class Hardware(msgspec.Struct, frozen=True, kw_only=True, tag="driver"):
     origin: str = ""
     frame_ns: int = DEFAULT_FRAME_NS
 
-    def with_options(self, options: Mapping[str, str | int | float | bool]) -> Hardware:
+    def with_options(self, options: Mapping[str, str | int | float | bool]) -> HardwareDriver:
         """Return this driver with options in place of its own, or besides them."""
         return msgspec.structs.replace(self, options={**self.options, **options})
 
@@ -97,7 +106,7 @@ class ClockPart(msgspec.Struct, frozen=True, kw_only=True, tag="Clock"):
 class RServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="RServer"):
     """The server of the base, whose limits are those of the robot's body."""
 
-    device: Device | Hardware
+    device: Device | HardwareDriver
     limits: BaseLimits
 
 
@@ -111,7 +120,7 @@ class PServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="PServer"):
 class DevicePart(msgspec.Struct, frozen=True, kw_only=True, tag="device"):
     """The server of any other device; `described` is what it offers, as `encoded_server` writes it."""
 
-    device: Device | Hardware
+    device: Device | HardwareDriver
     described: msgspec.Raw
 
     @property
@@ -329,3 +338,48 @@ def name_of(part: Part) -> str:
             return ClientProcess(clients, shared).name
         case AnnouncerPart(module=module):
             return announcer_process_name(module)
+
+
+# --- driver factory ------------------------------------------------------------------------------------
+#
+# The factory of the drivers of simulated devices, independent of the simulator, and what drivers raise.
+
+
+class DriverError(Exception):
+    """A driver cannot be imported or made; the message has its name, the reason, and the place of it.
+
+    With `is_final` another try would not help: the program of the driver is wrong, not its device.
+    """
+
+    def __init__(self, message: str, *, is_final: bool) -> None:
+        super().__init__(message)
+        self.is_final = is_final
+
+
+class DriverFactory(Protocol):
+    """A factory of drivers. Their times are nanoseconds since `origin_ns` on the machine's monotonic clock.
+
+    Each driver is closed with `resources`.
+    """
+
+    def base(
+        self, device: Device, robot: str, limits: BaseLimits, origin_ns: int, resources: ExitStack
+    ) -> BaseDriver:
+        """Return the driver of the base."""
+        ...
+
+    def proximity(
+        self, device: Device, robot: str, count: int, origin_ns: int, resources: ExitStack
+    ) -> ProximityDriver:
+        """Return the driver of the proximity sensors."""
+        ...
+
+    def camera(
+        self, device: Device, robot: str, camera: str, origin_ns: int, resources: ExitStack
+    ) -> CameraDriver:
+        """Return the driver of a camera."""
+        ...
+
+    def device(self, device: Device, robot: str, server: str, resources: ExitStack) -> DeviceDriver:
+        """Return the driver of the device of a server."""
+        ...

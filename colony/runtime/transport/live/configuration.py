@@ -19,15 +19,110 @@ answers when it continues, and the socket of a dead one closes.
 from __future__ import annotations
 
 import json
+import re
+import socket
+import ssl
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import zenoh
 
 from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES
 from colony.runtime.transport.live.limits import HANDSHAKE_MS, limits
 from colony.runtime.transport.live.robot_address import Credentials, Local, Remote, RobotAddress
-from colony.runtime.transport.live.run_directory import RobotDirectory
+from colony.runtime.transport.live.run_directory import RobotDirectory, SecurityError
 from colony.runtime.transport.live.security import Security
+
+# --- endpoint ------------------------------------------------------------------------------------------
+#
+# Gateway addresses: `tls/HOST:PORT`. Traffic between machines is always encrypted.
+
+
+_TLS = re.compile(r"tls/(?:\[([0-9A-Fa-f:.]+)\]|([^\s:/\[\]]+)):([0-9]{1,5})")
+_MAX_PORT = 65535
+
+
+class Endpoint(NamedTuple):
+    """A host (name or address) and a port."""
+
+    host: str
+    port: int
+
+
+def parse_endpoint(text: str) -> Endpoint:
+    """Parse `tls/HOST:PORT`; an IPv6 address is enclosed in brackets.
+
+    Raises:
+        SecurityError: the text is anything else, or names an unencrypted protocol.
+    """
+    match = _TLS.fullmatch(text)
+    if match is not None and int(match[3]) <= _MAX_PORT:
+        return Endpoint(match[1] or match[2], int(match[3]))
+    if text.partition("/")[0] in ("tcp", "udp", "ws"):
+        raise SecurityError(
+            f"`{text}` is unencrypted, so that anyone on the network could drive the robot: "
+            "expected tls/HOST:PORT"
+        )
+    raise SecurityError(f"`{text}` is not the address of a gateway: expected tls/HOST:PORT")
+
+
+# --- probe ---------------------------------------------------------------------------------------------
+#
+# Diagnosis of the reason why a gateway cannot be reached.
+#
+# Zenoh reports only a timeout, so this module tries each step of a connection with the standard library's
+# TLS.
+
+
+STEP_TIMEOUT_S = 2.0
+"""Timeout of each step of the connection, in seconds."""
+ALERT_TIMEOUT_S = 0.5
+"""Seconds to wait after the handshake for the gateway to refuse this process's certificate."""
+
+
+def diagnose(robot_address: Remote) -> str:
+    """Return one sentence on why the gateway cannot be reached, such as an untrusted certificate."""
+    host, port = parse_endpoint(robot_address.endpoint)
+    credentials = robot_address.credentials
+    try:
+        with socket.create_connection((host, port), timeout=STEP_TIMEOUT_S) as connection:
+            return _diagnose_login(connection, host, robot_address)
+    except TimeoutError:
+        return f"{robot_address.endpoint} does not answer: is the machine on, and on the network?"
+    except ssl.SSLCertVerificationError as problem:
+        return (
+            f"{robot_address.endpoint} is not to be trusted: {problem.verify_message} "
+            f"(checked with {credentials.authority}, and the certificate must be for `{host}`)"
+        )
+    except ssl.SSLError as problem:
+        return f"{robot_address.endpoint} does not speak TLS: {problem.reason or problem}"
+    except OSError as problem:
+        return f"no process listens at {robot_address.endpoint}: {problem.strerror or problem}"
+
+
+def _diagnose_login(connection: socket.socket, host: str, robot_address: Remote) -> str:
+    credentials = robot_address.credentials
+    context = ssl.create_default_context(cafile=str(credentials.authority))
+    context.load_cert_chain(credentials.certificate, credentials.key)
+    with context.wrap_socket(connection, server_hostname=host) as secured:
+        secured.settimeout(ALERT_TIMEOUT_S)
+        try:
+            # TLS 1.3 sends the verdict on our certificate after the handshake
+            closed = secured.recv(1) == b""
+        except TimeoutError:
+            closed = False
+        except (ssl.SSLError, ConnectionError) as problem:
+            reason = getattr(problem, "reason", None) or problem
+            return f"{robot_address.endpoint} refuses {credentials.certificate}: {reason}"
+    if closed:
+        return f"{robot_address.endpoint} ended the login with {credentials.certificate}"
+    return (
+        f"{robot_address.endpoint} accepts the login of {credentials.user}, but does not answer as a gateway"
+    )
+
+
+# --- configuration -------------------------------------------------------------------------------------
+
 
 GATEWAY = "Gateway"
 

@@ -11,32 +11,31 @@ from contextlib import ExitStack
 
 import msgspec
 
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments, method
 from colony.runtime.protocol.messages import Effect, Message, QuietNode, WakeAt
 from colony.runtime.transport.live import configuration
-from colony.runtime.transport.live.access import access_control
 from colony.runtime.transport.live.configuration import GATEWAY as GATEWAY
-from colony.runtime.transport.live.endpoint import parse_endpoint
-from colony.runtime.transport.live.errors import GatewayFullError
+from colony.runtime.transport.live.configuration import parse_endpoint
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.limits import RECEIVING_THREADS, allow_descriptors
 from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.outbox import Report
 from colony.runtime.transport.live.robot_address import Local
-from colony.runtime.transport.live.security import PERMISSIONS, Permission, Security
+from colony.runtime.transport.live.run_directory import GatewayFullError
+from colony.runtime.transport.live.security import PERMISSIONS, Permission, Security, access_control
 
 
-class Identity(msgspec.Struct, frozen=True, kw_only=True):
+class UserIdentity(msgspec.Struct, frozen=True, kw_only=True):
     """The result of `whoami`: the authenticated user, and the permissions granted to that user."""
 
     user: str
     may: tuple[Permission, ...]
 
 
-def whoami() -> Ask[Identity]:
+def whoami() -> CallRequest[UserIdentity]:
     """Return the identity of the caller, and the permissions granted to it."""
-    return Ask("whoami", NoArguments(), Identity, "read", repeatable=True)
+    return CallRequest("whoami", NoArguments(), UserIdentity, "read", repeatable=True)
 
 
 MAX_GROWTH_BYTES = 128 * 1024 * 1024
@@ -99,9 +98,9 @@ class GatewayNode(QuietNode):
             limit = (self._initial_bytes + MAX_GROWTH_BYTES) >> 20
             raise GatewayFullError(f"{GATEWAY}: it uses {used >> 20} MiB of memory; expected at most {limit}")
 
-    def _whoami(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> Identity:
+    def _whoami(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> UserIdentity:
         user = call_id.caller.user
-        return Identity(user=user, may=self._users.get(user, PERMISSIONS))
+        return UserIdentity(user=user, may=self._users.get(user, PERMISSIONS))
 
 
 def open_gateway(

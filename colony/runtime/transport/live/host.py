@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 from colony.runtime.observe.closing import close_all
 from colony.runtime.protocol import codec, topics
-from colony.runtime.protocol.codec import MessageFormatError
+from colony.runtime.protocol.codec import MessageFormatError, check_plausible
 from colony.runtime.protocol.messages import (
     Batched,
     Call,
@@ -35,15 +35,12 @@ from colony.runtime.protocol.messages import (
     Node,
     Problem,
     Reply,
-    Send,
+    SendMessage,
     Tick,
 )
-from colony.runtime.protocol.plausibility import check_plausible
 from colony.runtime.transport.exchange import NEVER_NS, Delivery, Exchange, Member
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.acknowledging import Acknowledging, must_wait
-from colony.runtime.transport.live.inbox import Inbox
-from colony.runtime.transport.live.message_queue import MessageQueue, QueuedMessage
+from colony.runtime.transport.live.inbox import Acknowledging, Inbox, MessageQueue, QueuedMessage, must_wait
 from colony.runtime.transport.live.network import ZenohSession, require_threads
 from colony.runtime.transport.live.outbox import Outbox, Report
 from colony.runtime.transport.live.reception import Reception
@@ -104,7 +101,7 @@ class Host:
         self._report = report
         self._exchange = Exchange(time)
         self._outbox = self._new_outbox()
-        self._batched: list[Send] = []
+        self._batched: list[SendMessage] = []
         self._unsettled: dict[Member, None] = {}
         self._acknowledging: Acknowledging | None = None
         self._inbox = Inbox(MessageQueue())
@@ -291,7 +288,7 @@ class Host:
 
     def _carry_out(self, member: Member, effects: Iterable[Effect]) -> None:
         """Hand over and send messages; those that can travel together wait for `_flush`."""
-        outside: list[Send] = []
+        outside: list[SendMessage] = []
         for send in self._put(member, effects):
             (self._batched if isinstance(send.message, Batched) else outside).append(send)
         if outside:
@@ -312,12 +309,12 @@ class Host:
         until = self._exchange.next_ns
         return None if until == NEVER_NS else max(0.0, (until - self._time()) / 1e9)
 
-    def _refusals(self) -> Iterable[Send]:
+    def _refusals(self) -> Iterable[SendMessage]:
         for topic, connection, number in self._inbox.dropped_calls():
             server = topic.partition("/")[0]
             text = f"{server}: too many calls of {connection}; this one was not carried out"
             reply = Reply(connection=connection, number=number, problem=Problem(code="flood", message=text))
-            yield Send(topics.replies(server, connection), reply)
+            yield SendMessage(topics.replies(server, connection), reply)
 
     def _read(self, queued: QueuedMessage) -> tuple[Message, ...]:
         if not isinstance(queued.message, bytes):
@@ -347,12 +344,12 @@ class Host:
             is_local=lambda topic: bool(exchange.listeners(topic)),
         )
 
-    def _put(self, member: Member, effects: Iterable[Effect]) -> Sequence[Send]:
+    def _put(self, member: Member, effects: Iterable[Effect]) -> Sequence[SendMessage]:
         """Hand messages to the nodes of this host, and schedule wakes; return what is to be sent at once."""
-        exchange, at_once, waiting = self._exchange, list[Send](), list[Send]()
+        exchange, at_once, waiting = self._exchange, list[SendMessage](), list[SendMessage]()
         settles = member.settling is not None
         for effect in effects:
-            if not isinstance(effect, Send):
+            if not isinstance(effect, SendMessage):
                 exchange.wake_at(member, effect.t_ns)
             elif not must_wait(effect.message, settles=settles):
                 exchange.hand_over(*effect)
@@ -366,11 +363,11 @@ class Host:
             self._acknowledging.put(member, waiting)
         return at_once
 
-    def _sender(self) -> Callable[[Member, Sequence[Send]], None]:
+    def _sender(self) -> Callable[[Member, Sequence[SendMessage]], None]:
         """Return a function that sends messages which had to wait, in one thread."""
         outbox = self._new_outbox(waits=True)
 
-        def send(member: Member, sends: Sequence[Send]) -> None:
+        def send(member: Member, sends: Sequence[SendMessage]) -> None:
             if member.settling is not None:
                 for send in sends:
                     self._exchange.hand_over(*send)

@@ -14,11 +14,10 @@ from threading import Thread
 import zenoh
 
 from colony.runtime.transport.live import configuration, keys
-from colony.runtime.transport.live.configuration import Settings
-from colony.runtime.transport.live.errors import ForkedError, UnreachableError
-from colony.runtime.transport.live.names import local_user as local_user
-from colony.runtime.transport.live.probe import diagnose
+from colony.runtime.transport.live.configuration import Settings, diagnose
 from colony.runtime.transport.live.robot_address import Local, Remote, RobotAddress
+from colony.runtime.transport.live.run_directory import ForkedError, UnreachableError
+from colony.runtime.transport.live.run_directory import local_user as local_user
 
 RECEIVING_THREADS = 2
 """Receiving threads of a process that is not a gateway."""

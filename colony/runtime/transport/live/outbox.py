@@ -27,7 +27,7 @@ from colony.runtime.protocol.messages import (
     Problem,
     Ready,
     Reply,
-    Send,
+    SendMessage,
     SentMessage,
     ServerFrame,
     Tick,
@@ -89,7 +89,7 @@ class Outbox:
         self._topic_publishers: dict[str, _TopicPublisher] = {}
         self._connection_publishers: dict[str, tuple[zenoh.Publisher, int]] = {}
 
-    def send_all(self, sends: Iterable[Send], now_ns: int) -> None:
+    def send_all(self, sends: Iterable[SendMessage], now_ns: int) -> None:
         """Send messages: first the single ones, then messages of clients to the same server, in batches."""
         batches: dict[str, list[Batched]] = {}
         for topic, message in sends:

@@ -18,9 +18,9 @@ from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.codec import MessageFormatError
 from colony.runtime.protocol.messages import Tick
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.errors import UnreachableError
 from colony.runtime.transport.live.network import ZenohSession, local_time
 from colony.runtime.transport.live.robot_address import Local
+from colony.runtime.transport.live.run_directory import UnreachableError
 
 DRIFT = 1e-4
 """Maximum drift between two clocks, in seconds per second."""

@@ -15,19 +15,111 @@ import errno
 import fcntl
 import hashlib
 import os
+import pwd
+import re
 import stat
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
 
-from colony.files import UnsuitableFileError, open_descriptor, read_file, reason
-from colony.os_errors import NO_ROOM, limit_advice, naming
-from colony.runtime.transport.live.errors import AlreadyRunningError, RunDirectoryError
-from colony.runtime.transport.live.names import check_name
+from colony.files import (
+    NO_ROOM,
+    ClaimedError,
+    FileClaim,
+    UnsuitableFileError,
+    claim_holder,
+    limit_advice,
+    naming,
+    read_file,
+    reason,
+)
+
+# --- names ---------------------------------------------------------------------------------------------
+#
+# Valid names of robots, servers, users and connections: a name is part of keys and of file names.
+
+
+MAX_NAME_LENGTH = 64
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*", re.ASCII)
+_USER = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.@-]*", re.ASCII)
+
+
+def check_name(kind: str, name: str) -> str:
+    """Return `name` if it is a valid name of a `kind` ("robot", "server").
+
+    Raises:
+        ValueError: the name is invalid.
+    """
+    return _check(kind, name, _NAME, "letters, digits, `_`, `-` and `.`")
+
+
+def check_user(name: str) -> str:
+    """Return `name` if it is a valid user name; a certificate's common name often contains an `@`.
+
+    Raises:
+        ValueError: the name is invalid.
+    """
+    return _check("user", name, _USER, "letters, digits, `_`, `-`, `.` and `@`")
+
+
+def _check(kind: str, name: str, pattern: re.Pattern[str], expected: str) -> str:
+    if len(name) > MAX_NAME_LENGTH or pattern.fullmatch(name) is None:
+        raise ValueError(
+            f"`{name}` cannot be the name of a {kind}: expected 1 to {MAX_NAME_LENGTH} characters, "
+            f"{expected}, beginning with a letter or digit"
+        )
+    return name
+
+
+def local_user() -> str:
+    """Return the name of this process's user, or `uid<number>` if that is not a valid user name."""
+    number = os.getuid()
+    try:
+        return check_user(pwd.getpwuid(number).pw_name)
+    except (KeyError, ValueError):
+        return f"uid{number}"
+
+
+# --- errors --------------------------------------------------------------------------------------------
+#
+# Errors between a robot's processes that a user can fix; each message says how.
+
+
+class LiveError(Exception):
+    """An error in the network of processes; the message is for users."""
+
+
+class RunDirectoryError(LiveError):
+    """The run directory cannot be used: another user owns it, others can open it, or its path is too long."""
+
+
+class AlreadyRunningError(LiveError):
+    """Another process already serves the robot under this name."""
+
+
+class UnreachableError(LiveError):
+    """A gateway cannot be reached, or refuses the login."""
+
+
+class ForkedError(LiveError):
+    """This process was forked from one that had opened a session, so it can neither use nor open any."""
+
+
+class GatewayFullError(LiveError):
+    """The gateway's memory has reached its limit; its process must restart, which ends its sessions."""
+
+
+class SecurityError(LiveError):
+    """The certificates or the table of users are invalid."""
+
+
+# --- run directory -------------------------------------------------------------------------------------
+
 
 ADVICE = "set COLONY_RUN_DIR to a folder of yours"
 
@@ -37,17 +129,11 @@ MAX_SOCKET_PATH_BYTES = 107
 FORBIDDEN_CHARACTERS = "#?"
 """Characters that end the address in a zenoh endpoint, and so cannot be in a socket's path."""
 
-CLAIM_BYTES = 32
-"""Size of a claim in bytes: a process id, padded with blanks."""
-
 BASE_BYTES = 4096
 """Size limit in bytes of the file `base`."""
 
 SLOTS = 32
 """Maximum number of servers whose names not every robot has, such as devices and servers of users."""
-
-CLAIM_TRIES = 10
-CLAIM_PAUSE_S = 0.01
 
 BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 
@@ -167,7 +253,7 @@ class RobotDirectory:
             if server in holders:
                 return holders.index(server)
             for number, holder in enumerate(holders):
-                if holder is None or _holder(self.path / f"{holder}.claim") is None:
+                if holder is None or claim_holder(self.path / f"{holder}.claim") is None:
                     links[number].unlink(missing_ok=True)
                     links[number].symlink_to(self.socket(server).name)
                     return number
@@ -184,10 +270,10 @@ class RobotDirectory:
 
     def running(self) -> Mapping[str, int]:
         """Return the running servers with their process ids."""
-        pids = {p.stem: _holder(p) for p in sorted(self.path.glob("*.claim"))}
+        pids = {p.stem: claim_holder(p) for p in sorted(self.path.glob("*.claim"))}
         return {name: pid for name, pid in pids.items() if pid is not None}
 
-    def claim(self, server: str) -> Claim:
+    def claim(self, server: str) -> FileClaim:
         """Claim to be the only process that serves `server`, until the claim is closed or the process ends.
 
         Raises:
@@ -196,20 +282,17 @@ class RobotDirectory:
         """
         self.prepare()
         path = self.socket(server).with_suffix(".claim")
-        with in_run_directory(path):
-            descriptor = open_descriptor(path, os.O_RDWR | os.O_CREAT)
+        with in_run_directory(path), ExitStack() as resources:
             try:
-                if not _try_lock(descriptor):
-                    holder = os.read(descriptor, CLAIM_BYTES).decode("ascii", "replace").strip()
-                    raise AlreadyRunningError(
-                        f"{server} of {self.robot} is already running, as process {holder or 'unknown'}: "
-                        "end it first, or give another --robot"
-                    )
-                _write_holder(descriptor, str(os.getpid()))
-            except BaseException:
-                os.close(descriptor)
-                raise
-        return Claim(descriptor)
+                claim = resources.enter_context(FileClaim(path))
+            except ClaimedError as holder:
+                raise AlreadyRunningError(
+                    f"{server} of {self.robot} is already running, as process {holder}: "
+                    "end it first, or give another --robot"
+                ) from None
+            claim.sign()
+            resources.pop_all()
+        return claim
 
     def origin_ns(self, *, monotonic: Callable[[], int] = time.monotonic_ns) -> int:
         """Return the time on the monotonic clock at which the robot's time is 0.
@@ -235,29 +318,6 @@ class RobotDirectory:
                 temporary.write_bytes(msgspec.json.encode(new))
             temporary.replace(path)
             return new.origin_ns
-
-
-class Claim:
-    """An exclusive claim to serve, held by a lock on a file. Mutable."""
-
-    def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-
-    def close(self) -> None:
-        """Release the claim. Idempotent."""
-        if self._descriptor >= 0:
-            descriptor, self._descriptor = self._descriptor, -1
-            with suppress(OSError):
-                _write_holder(descriptor, "")
-            os.close(descriptor)
-
-    def __enter__(self) -> Claim:
-        """Return the claim."""
-        return self
-
-    def __exit__(self, *raised: object) -> None:
-        """Release the claim."""
-        self.close()
 
 
 class _SavedOrigin(msgspec.Struct, frozen=True, kw_only=True):
@@ -305,43 +365,6 @@ def _check_private(folder: Path) -> None:
             f"{folder} is open to others (mode {stat.S_IMODE(status.st_mode):04o}), who could drive the "
             f"robot: `chmod 700 {folder}`"
         )
-
-
-def _write_holder(descriptor: int, holder: str) -> None:
-    """Overwrite the holder noted in a claim.
-
-    The file keeps its size, so that a server can be restarted even when the disk is full.
-    """
-    os.pwrite(descriptor, f"{holder:<{CLAIM_BYTES - 1}}\n".encode(), 0)
-
-
-def _try_lock(descriptor: int) -> bool:
-    """Try to lock a file, several times, because a process that reads the holder also locks it briefly."""
-    for _ in range(CLAIM_TRIES):
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            time.sleep(CLAIM_PAUSE_S)
-        else:
-            return True
-    return False
-
-
-def _holder(path: Path) -> int | None:
-    """Return the id of the process that holds the lock of a claim, or None."""
-    try:
-        descriptor = open_descriptor(path)
-    except (FileNotFoundError, UnsuitableFileError):
-        return None
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        text = os.read(descriptor, CLAIM_BYTES).strip()
-        return int(text) if text.isdigit() else None
-    else:
-        return None
-    finally:
-        os.close(descriptor)
 
 
 def _too_long(path: Path, size: int) -> str:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.backends.python.expressions import Expressions
-from colony.compile.backends.python.plan import ROOT, Layout, Placement
-from colony.compile.backends.python.text import Names, ranges
+from colony.compile.backends.python.expressions import ExpressionTexts
+from colony.compile.backends.python.plan import ROOT, FunctionLayout, Placement
+from colony.compile.backends.python.text import UniqueNames, ranges
 from colony.compile.lower.lower import lower
 from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
@@ -30,9 +30,9 @@ def test_what_others_do_has_no_text(above: str, kind: type) -> None:
     program = load_text(TEXT % above)
     code = clients_view(lower(program, compile_program(program).clients).code, [("out", "m")])
     at = next(i for i, op in enumerate(code.ops) if isinstance(op, kind))
-    layout, known = Layout(), ranges(code)
+    layout, known = FunctionLayout(), ranges(code)
     placement = Placement(code, layout, known)
     placement.use(at, layout.slot(ROOT))
     placement.settle(layout.slot(ROOT))
     with pytest.raises(ValueError, match=r"^the code of a single client is not for this backend$"):
-        Expressions(code, placement, known, Names(code, frozenset()))
+        ExpressionTexts(code, placement, known, UniqueNames(code, frozenset()))

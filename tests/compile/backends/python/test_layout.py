@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from colony.compile.backends.python.plan import ROOT, Layout
+from colony.compile.backends.python.plan import ROOT, FunctionLayout
 
 
 def test_join() -> None:
-    layout = Layout()
+    layout = FunctionLayout()
     first = layout.slot(ROOT)
     block = layout.region(first)
     one = layout.slot(block)

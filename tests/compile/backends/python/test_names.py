@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.compile.backends.python.text import Names
+from colony.compile.backends.python.text import UniqueNames
 from tests.programs import lowered
 
 TEXT = """
@@ -19,8 +19,8 @@ network { out = m }
 """
 
 
-def names(*taken: str) -> Names:
-    return Names(lowered(TEXT), frozenset(taken))
+def names(*taken: str) -> UniqueNames:
+    return UniqueNames(lowered(TEXT), frozenset(taken))
 
 
 @pytest.mark.parametrize(

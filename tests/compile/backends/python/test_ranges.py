@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from colony.compile.backends.python.text import Range, ranges
+from colony.compile.backends.python.text import NumberRange, ranges
 from colony.execute.code import Kind
 from colony.execute.machine import OpMachine
 from colony.ir.frame import Frame
@@ -45,7 +45,7 @@ network { out = m  way = w }
 """
 
 
-def found(expression: str, at: int = 0) -> Range:
+def found(expression: str, at: int = 0) -> NumberRange:
     """Return the range of what is sent to an actuator."""
     code = lowered(TEXT % ("deg" if "atan2" in expression else "number", expression))
     (field,) = code.actuators[at].clients[0].fields
@@ -65,24 +65,24 @@ def test_a_sum_over_a_condition() -> None:
 
 
 def test_members_of_an_enum_bound_it() -> None:
-    assert found("1", at=1) == Range(-3.0, 67.0, False)
+    assert found("1", at=1) == NumberRange(-3.0, 67.0, False)
 
 
 @pytest.mark.parametrize(
     ("of", "finite", "nonzero"),
     [
-        (Range(-1.0, 2.0, False), True, False),
-        (Range(1.0, 2.0, False), True, True),
-        (Range(-2.0, -1.0, False), True, True),
-        (Range(0.0, 2.0, False), True, False),
-        (Range(-2.0, 0.0, False), True, False),
-        (Range(-2.0, -0.0, False), True, False),
-        (Range(1.0, inf, False), False, True),
-        (Range(-inf, -1.0, False), False, True),
-        (Range(1.0, 2.0, True), False, True),
+        (NumberRange(-1.0, 2.0, False), True, False),
+        (NumberRange(1.0, 2.0, False), True, True),
+        (NumberRange(-2.0, -1.0, False), True, True),
+        (NumberRange(0.0, 2.0, False), True, False),
+        (NumberRange(-2.0, 0.0, False), True, False),
+        (NumberRange(-2.0, -0.0, False), True, False),
+        (NumberRange(1.0, inf, False), False, True),
+        (NumberRange(-inf, -1.0, False), False, True),
+        (NumberRange(1.0, 2.0, True), False, True),
     ],
 )
-def test_finite_and_nonzero(of: Range, finite: bool, nonzero: bool) -> None:
+def test_finite_and_nonzero(of: NumberRange, finite: bool, nonzero: bool) -> None:
     assert (of.finite, of.nonzero) == (finite, nonzero)
 
 
@@ -101,8 +101,8 @@ def test_finite_and_nonzero(of: Range, finite: bool, nonzero: bool) -> None:
     ],
 )
 def test_within(low: float | None, high: float | None, inside: bool) -> None:
-    assert Range(1.0, 2.0, False).within(low, high) is inside
-    assert not Range(1.0, 2.0, True).within(low, high)
+    assert NumberRange(1.0, 2.0, False).within(low, high) is inside
+    assert not NumberRange(1.0, 2.0, True).within(low, high)
 
 
 @given(data=st.data())

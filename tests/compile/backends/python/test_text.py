@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from colony.compile.backends.python.text import (
     ANYTHING,
-    Binding,
-    Range,
-    Text,
+    ExpressionText,
+    NumberRange,
+    Precedence,
     apply_operator,
     literal,
     mentions_twice,
@@ -22,32 +22,36 @@ from colony.execute import arithmetic
 from colony.execute.operators import FUNCTIONS, Operator
 
 NAMESPACE = {name: value for module in (math, arithmetic) for name, value in vars(module).items()}
-PLAIN, POSITIVE, ZERO = Range(-9.0, 9.0, False), Range(1.0, 9.0, False), Range(0.0, 9.0, False)
+PLAIN, POSITIVE, ZERO = (
+    NumberRange(-9.0, 9.0, False),
+    NumberRange(1.0, 9.0, False),
+    NumberRange(0.0, 9.0, False),
+)
 
 
 @pytest.mark.parametrize(
     ("value", "text", "binding"),
     [
-        (1.5, "1.5", Binding.ATOM),
-        (-1.5, "-1.5", Binding.SIGN),
-        (-0.0, "-0.0", Binding.SIGN),
-        (math.inf, "inf", Binding.ATOM),
-        (-math.inf, "-inf", Binding.SIGN),
-        (math.nan, "nan", Binding.ATOM),
-        (1e300, "1e+300", Binding.ATOM),
-        (True, "True", Binding.ATOM),
-        (50_000_000, "50_000_000", Binding.ATOM),
-        (-1000, "-1_000", Binding.SIGN),
+        (1.5, "1.5", Precedence.ATOM),
+        (-1.5, "-1.5", Precedence.SIGN),
+        (-0.0, "-0.0", Precedence.SIGN),
+        (math.inf, "inf", Precedence.ATOM),
+        (-math.inf, "-inf", Precedence.SIGN),
+        (math.nan, "nan", Precedence.ATOM),
+        (1e300, "1e+300", Precedence.ATOM),
+        (True, "True", Precedence.ATOM),
+        (50_000_000, "50_000_000", Precedence.ATOM),
+        (-1000, "-1_000", Precedence.SIGN),
     ],
 )
-def test_constants(value: float | bool | int, text: str, binding: Binding) -> None:
-    assert literal(value) == Text(text, binding, 0)
+def test_constants(value: float | bool | int, text: str, binding: Precedence) -> None:
+    assert literal(value) == ExpressionText(text, binding, 0)
 
 
-@pytest.mark.parametrize("inner", list(Binding))
-@pytest.mark.parametrize("outer", list(Binding))
-def test_parentheses_where_it_binds_less_tightly(inner: Binding, outer: Binding) -> None:
-    assert Text("x", inner).inside(outer) == ("x" if inner >= outer else "(x)")
+@pytest.mark.parametrize("inner", list(Precedence))
+@pytest.mark.parametrize("outer", list(Precedence))
+def test_parentheses_where_it_binds_less_tightly(inner: Precedence, outer: Precedence) -> None:
+    assert ExpressionText("x", inner).inside(outer) == ("x" if inner >= outer else "(x)")
 
 
 @pytest.mark.parametrize(
@@ -65,15 +69,19 @@ def test_parentheses_where_it_binds_less_tightly(inner: Binding, outer: Binding)
         (Operator.MODULO, (PLAIN, PLAIN), False),
     ],
 )
-def test_operands_that_stand_twice(operator: Operator, x: tuple[Range, ...], twice: bool) -> None:
+def test_operands_that_stand_twice(operator: Operator, x: tuple[NumberRange, ...], twice: bool) -> None:
     assert mentions_twice(operator, list(x)) is twice
 
 
 def test_how_deep_it_nests() -> None:
-    deep = Text("x", Binding.SUM, 4)
-    assert apply_operator(Operator.ADD, [Text("a"), deep], [PLAIN, PLAIN]) == Text("a + (x)", Binding.SUM, 5)
-    assert apply_operator(Operator.NEGATE, [Text("a")], [PLAIN]) == Text("-a", Binding.SIGN, 1)
-    assert apply_operator(Operator.MULTIPLY, [deep, Text("b")], [PLAIN, PLAIN]).depth == 5
+    deep = ExpressionText("x", Precedence.SUM, 4)
+    assert apply_operator(Operator.ADD, [ExpressionText("a"), deep], [PLAIN, PLAIN]) == ExpressionText(
+        "a + (x)", Precedence.SUM, 5
+    )
+    assert apply_operator(Operator.NEGATE, [ExpressionText("a")], [PLAIN]) == ExpressionText(
+        "-a", Precedence.SIGN, 1
+    )
+    assert apply_operator(Operator.MULTIPLY, [deep, ExpressionText("b")], [PLAIN, PLAIN]).depth == 5
 
 
 @pytest.mark.parametrize(
@@ -99,8 +107,8 @@ def test_how_deep_it_nests() -> None:
         (Operator.SECONDS, (ANYTHING,), "a / 1e9"),
     ],
 )
-def test_the_plainest_that_is_right(operator: Operator, x: tuple[Range, ...], text: str) -> None:
-    assert apply_operator(operator, [Text(name) for name in "abc"[: len(x)]], list(x)).text == text
+def test_the_plainest_that_is_right(operator: Operator, x: tuple[NumberRange, ...], text: str) -> None:
+    assert apply_operator(operator, [ExpressionText(name) for name in "abc"[: len(x)]], list(x)).text == text
 
 
 # --- the same values -----------------------------------------------------------------------------
@@ -115,7 +123,7 @@ NUMBERS = (0.0, -0.0, 1.0, -2.5, 3.0, math.inf, -math.inf, math.nan)
 
 
 @st.composite
-def expressions(draw: st.DrawFn, depth: int = 4) -> tuple[Text, float | bool]:
+def expressions(draw: st.DrawFn, depth: int = 4) -> tuple[ExpressionText, float | bool]:
     """An expression over constants, with its value."""
     if depth == 0 or draw(st.integers(0, 5)) == 0:
         value = draw(st.sampled_from(NUMBERS))
@@ -133,14 +141,14 @@ def expressions(draw: st.DrawFn, depth: int = 4) -> tuple[Text, float | bool]:
     return apply_operator(operator, [text for text, _ in parts], [_range(value) for _, value in parts]), value
 
 
-def _as_bool(part: tuple[Text, float | bool]) -> tuple[Text, float | bool]:
+def _as_bool(part: tuple[ExpressionText, float | bool]) -> tuple[ExpressionText, float | bool]:
     text, value = part
     if isinstance(value, bool):
         return part
     return apply_operator(Operator.EQUAL, [text, text], [_range(value)] * 2), value == value
 
 
-def _as_number(part: tuple[Text, float | bool]) -> tuple[Text, float | bool]:
+def _as_number(part: tuple[ExpressionText, float | bool]) -> tuple[ExpressionText, float | bool]:
     text, value = part
     if not isinstance(value, bool):
         return part
@@ -149,12 +157,12 @@ def _as_number(part: tuple[Text, float | bool]) -> tuple[Text, float | bool]:
     ), 2.0 if value else -3.0
 
 
-def _range(value: float | bool) -> Range:
-    return ANYTHING if isinstance(value, bool) or value != value else Range(value, value, False)
+def _range(value: float | bool) -> NumberRange:
+    return ANYTHING if isinstance(value, bool) or value != value else NumberRange(value, value, False)
 
 
 @given(expressions())
-def test_an_expression_has_the_value_of_its_ops(drawn: tuple[Text, float | bool]) -> None:
+def test_an_expression_has_the_value_of_its_ops(drawn: tuple[ExpressionText, float | bool]) -> None:
     text, value = drawn
     assert repr(eval(text.text, dict(NAMESPACE))) == repr(value), text.text
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from colony.nav.maps.grid.model import Cell, Grid
+from colony.nav.maps.grid.model import Grid, GridCell
 
 KEYS = {
     "image": "map.png",
@@ -18,7 +18,7 @@ KEYS = {
     "occupied_thresh": "0.65",
     "free_thresh": "0.196",
 }
-STATES = {".": Cell.FREE, "#": Cell.OCCUPIED, "?": Cell.UNKNOWN}
+STATES = {".": GridCell.FREE, "#": GridCell.OCCUPIED, "?": GridCell.UNKNOWN}
 
 
 def yaml_of(**changed: str | None) -> str:

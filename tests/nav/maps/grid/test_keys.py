@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from colony.nav.maps.grid.keys import GridKeys, Mode, read_keys
+from colony.nav.maps.grid.keys import GridKeys, OccupancyMode, read_keys
 from colony.text.source import Source
 from tests.diagnostics import place_of, problems_of
 from tests.nav.maps.grid.small_grids import yaml_of
@@ -35,7 +35,12 @@ def test_the_keys_of_map_saver() -> None:
         "negate: 1\noccupied_thresh: 0.65\nfree_thresh: 0.196\n\n"
     )
     assert (keys.image, keys.cell_m, keys.origin) == ("office.pgm", 0.05, (-10.0, -10.0, 1.5))
-    assert (keys.negate, keys.occupied_thresh, keys.free_thresh, keys.mode) == (True, 0.65, 0.196, Mode.SCALE)
+    assert (keys.negate, keys.occupied_thresh, keys.free_thresh, keys.mode) == (
+        True,
+        0.65,
+        0.196,
+        OccupancyMode.SCALE,
+    )
     assert keys.image_span.text == "office.pgm"
 
 
@@ -45,16 +50,16 @@ def test_the_keys_of_map_saver() -> None:
         ({"negate": "false"}, "negate", False),
         ({"negate": "Yes"}, "negate", True),
         ({"negate": "2"}, "negate", True),
-        ({"mode": "RAW"}, "mode", Mode.RAW),
+        ({"mode": "RAW"}, "mode", OccupancyMode.RAW),
         ({"image": "'a: b.png'"}, "image", "a: b.png"),
         ({"image": "!!python/name:os.system x.png"}, "image", "x.png"),
         ({"origin": "\n- -1.5\n- 2\n- -3.1"}, "origin", (-1.5, 2.0, -3.1)),
         ({"resolution": "!!float '.05' # meters"}, "cell_m", 0.05),
-        ({"map_type": "occupancy"}, "mode", Mode.TRINARY),
+        ({"map_type": "occupancy"}, "mode", OccupancyMode.TRINARY),
         ({"docks": "[[1, 2.5, 0], [0, -1, -1.5]]"}, "docks", ((1.0, 2.5, 0.0), (0.0, -1.0, -1.5))),
         ({"docks": "\n- [1, 2, 3]"}, "docks", ((1.0, 2.0, 3.0),)),
         ({"docks": "[]"}, "docks", ()),
-        ({"layers": "{a: [1, {b: c}], d: &x [*x]}"}, "mode", Mode.TRINARY),
+        ({"layers": "{a: [1, {b: c}], d: &x [*x]}"}, "mode", OccupancyMode.TRINARY),
     ],
 )
 def test_a_value_is_read_as_yaml(changed: dict[str, str], key: str, value: object) -> None:

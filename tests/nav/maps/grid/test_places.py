@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from colony.nav.maps.grid.model import Cell, Grid
-from colony.nav.maps.grid.places import Reach, clearance_mm, labeled, nearest_place
+from colony.nav.maps.grid.model import Grid, GridCell
+from colony.nav.maps.grid.places import ReachableRegions, clearance_mm, labeled, nearest_place
 from colony.nav.maps.world_map import WorldMap, world_of_grid
 from colony.text.diagnostics import DiagnosticError
 from tests.nav.maps.grid.small_grids import grid_of
@@ -57,7 +57,7 @@ def test_nobody_starts_within_an_obstacle_however_large_it_is() -> None:
     block = grid_of("\n".join(["." * 60 + "#" * 60] * 60), x_mm=-5000.0, y_mm=-1500.0)
     world = world_of_grid(block)
     x, y, _ = world.start(300.0)
-    assert block.state_at(x, y) is Cell.FREE
+    assert block.state_at(x, y) is GridCell.FREE
     with pytest.raises(ValueError, match=r"\(-500, 0\) is in an occupied cell"):
         world.start(300.0, (-500.0, 0.0, 0.0))
 
@@ -71,11 +71,11 @@ def test_there_may_be_no_room() -> None:
 def test_the_nearest_place_is_the_nearest_of_all() -> None:
     draws = np.random.default_rng(5)
     for _ in range(5):
-        cells = np.where(draws.random((30, 40)) < 0.02, Cell.OCCUPIED, Cell.FREE).astype(np.uint8)
+        cells = np.where(draws.random((30, 40)) < 0.02, GridCell.OCCUPIED, GridCell.FREE).astype(np.uint8)
         grid = Grid(name="", image="", cells=cells, cell_mm=100.0, x_mm=-1500.0, y_mm=-2000.0, yaw_deg=40.0)
         reach = 2.0 + math.sqrt(0.5) + 1.0
-        blocked = np.argwhere(np.pad(cells, 9, constant_values=Cell.OCCUPIED) == Cell.OCCUPIED) - 9
-        free = [c for c in np.argwhere(cells == Cell.FREE) if np.hypot(*(blocked - c).T).min() > reach]
+        blocked = np.argwhere(np.pad(cells, 9, constant_values=GridCell.OCCUPIED) == GridCell.OCCUPIED) - 9
+        free = [c for c in np.argwhere(cells == GridCell.FREE) if np.hypot(*(blocked - c).T).min() > reach]
         places = grid.to_world(np.array([[column + 0.5, row + 0.5] for row, column in free]).reshape(-1, 2))
         found = nearest_place(grid, 200.0)
         if len(places):
@@ -119,7 +119,7 @@ def test_a_start_in_a_stray_patch_is_remarked() -> None:
 
 
 def test_a_place_beside_the_cells_that_fit_is_of_their_region() -> None:
-    reach = Reach(grid_of("\n".join(["#" * 9, *["#" + "." * 7 + "#"] * 7, "#" * 9])), 150.0)
+    reach = ReachableRegions(grid_of("\n".join(["#" * 9, *["#" + "." * 7 + "#"] * 7, "#" * 9])), 150.0)
     assert reach.largest == 1
     assert reach.cells(1).sum() == 1
     assert [reach.region(x, 225.0) for x in (225.0, 200.0, 249.0, 150.0, -1e9)] == [1, 1, 1, 0, 0]

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import pytest
 
-from colony.nav.maps.grid.model import Cell
+from colony.nav.maps.grid.model import GridCell
 from colony.nav.maps.grid.reader import load_grid
 from tests.cli.conftest import Colony
 from tests.cli.conftest import colony as colony
@@ -46,12 +46,12 @@ def rows_of(image: Path) -> list[list[int]]:
     return [list(pixel_bytes[row * columns : (row + 1) * columns]) for row in range(rows)]
 
 
-def state_of(shade: int, keys: dict[str, str]) -> Cell:
+def state_of(shade: int, keys: dict[str, str]) -> GridCell:
     assert keys["negate"] == "0"
     occupancy = (255 - shade) / 255
     if occupancy >= float(keys["occupied_thresh"]):
-        return Cell.OCCUPIED
-    return Cell.FREE if occupancy <= float(keys["free_thresh"]) else Cell.UNKNOWN
+        return GridCell.OCCUPIED
+    return GridCell.FREE if occupancy <= float(keys["free_thresh"]) else GridCell.UNKNOWN
 
 
 def test_there_are_grids_of_four_projects_with_their_licenses() -> None:
@@ -104,7 +104,7 @@ def test_places_are_those_of_the_world(
 ) -> None:
     """Places in meters, from the description of the world: where a robot can stand, and where it cannot."""
     grid = load_grid(PUBLISHED / "pyrobosim" / f"{name}.yaml")
-    for places, state in ((free, Cell.FREE), (occupied, Cell.OCCUPIED)):
+    for places, state in ((free, GridCell.FREE), (occupied, GridCell.OCCUPIED)):
         for x, y in places:
             assert grid.state_at(1000.0 * x, 1000.0 * y) is state, (x, y)
 

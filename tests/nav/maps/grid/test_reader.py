@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from colony.nav.maps.grid.model import Cell
+from colony.nav.maps.grid.model import GridCell
 from colony.nav.maps.grid.reader import MAX_CELLS, load_grid
 from colony.nav.maps.stickrep.model import Pose
 from colony.nav.maps.world_map import load_world, world_of_grid
@@ -21,7 +21,7 @@ from colony.text.diagnostics import headline
 from tests.diagnostics import problems_of
 from tests.nav.maps.grid.small_grids import written
 
-F, O, U = Cell.FREE, Cell.OCCUPIED, Cell.UNKNOWN  # noqa: E741
+F, O, U = GridCell.FREE, GridCell.OCCUPIED, GridCell.UNKNOWN  # noqa: E741
 SHADES = np.array([[254, 205, 0], [255, 207, 100]], dtype=np.uint8)
 CELLS = [[F, F, U], [F, U, O]]
 """Of `SHADES`: of 100 the occupancy is 155/255 = 0.61, of 205 it is 0.1961, and of 207 it is 0.188."""

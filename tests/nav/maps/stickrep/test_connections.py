@@ -6,7 +6,7 @@ import pytest
 
 from colony.nav.maps.stickrep.checks import linked_rings
 from colony.nav.maps.stickrep.geometry import Point, link_endpoints
-from colony.nav.maps.stickrep.model import ElevatorLink, Link, Map, Site
+from colony.nav.maps.stickrep.model import ElevatorLink, Map, RingLink, RingPosition
 from colony.nav.maps.stickrep.reader import read_map, write_map
 from colony.text.source import Source
 from tests.diagnostics import place_of, problems_of
@@ -53,7 +53,10 @@ FIRST = len(BLOCKS.splitlines()) + 1
 
 def test_places_are_nodes_or_so_far_after_them() -> None:
     linked = read("link 10R P+6", "link Q T")
-    assert linked.links == (Link(Site("10R"), Site("P", 6000.0)), Link(Site("Q"), Site("T")))
+    assert linked.links == (
+        RingLink(RingPosition("10R"), RingPosition("P", 6000.0)),
+        RingLink(RingPosition("Q"), RingPosition("T")),
+    )
     across, junction = link_endpoints(linked)
     assert across == (Point(8000.0, 0.0), Point(8000.0, 2000.0))
     assert junction == (Point(9000.0, 2000.0), Point(11000.0, 2000.0))

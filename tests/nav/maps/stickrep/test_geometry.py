@@ -14,7 +14,7 @@ from colony.nav.maps.stickrep.geometry import (
     shared_lights,
     trace,
 )
-from colony.nav.maps.stickrep.model import Edge, EdgeKind, Light, Map, Ring
+from colony.nav.maps.stickrep.model import Edge, EdgeKind, Map, MapLight, Ring
 from colony.nav.maps.stickrep.reader import read_map
 from colony.text.source import Source
 from tests.nav.maps.small_maps import ROOM, sound_maps
@@ -31,7 +31,7 @@ def with_lights(ring: Ring, **offsets: tuple[float, ...]) -> Ring:
     """The ring with shared lights, offsets in inches by node name."""
     edges = []
     for node, edge in zip(ring.nodes, ring.edges, strict=True):
-        lights = tuple(Light(offset_mm=d * INCH, shared=True) for d in offsets.get(node.name, ()))
+        lights = tuple(MapLight(offset_mm=d * INCH, shared=True) for d in offsets.get(node.name, ()))
         edges.append(replace(edge, lights=lights))
     return replace(ring, edges=tuple(edges))
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.nav.maps.source import MAX_BYTES
-from colony.nav.maps.stickrep.model import EdgeKind, Light, Map, Pose
+from colony.nav.maps.stickrep.model import EdgeKind, Map, MapLight, Pose
 from colony.nav.maps.stickrep.reader import load_map, read_map
 from colony.text.diagnostics import DiagnosticError, headline, render
 from colony.text.source import Source
@@ -39,7 +39,7 @@ def test_a_room() -> None:
     assert [n.name for n in ring.nodes] == ["A", "B", "C", "D"]
     assert all(n.corner and n.angle_deg == 270.0 and n.turn_deg == -90.0 for n in ring.nodes)
     assert [e.length_mm for e in ring.edges] == [100 * INCH, 120 * INCH, 100 * INCH, 120 * INCH]
-    assert ring.edges[1].lights == (Light(offset_mm=60 * INCH),)
+    assert ring.edges[1].lights == (MapLight(offset_mm=60 * INCH),)
     assert ring.edges[2].kind is EdgeKind.DOOR
     assert ring.edges[2].attribute == "glass"
     assert ring.path_length_mm == 440 * INCH
@@ -64,14 +64,14 @@ def test_lights_are_incremental_unless_the_header_says_cumulative() -> None:
 def test_negative_fields() -> None:
     text = ROOM.replace("-270 A W 0 100", "-270 A W 1 -90 -100").replace("B W 1 60", "B W 1 -10")
     ring = read(text).rings[0]
-    assert ring.edges[0].lights == (Light(offset_mm=90 * INCH, shared=True),)
+    assert ring.edges[0].lights == (MapLight(offset_mm=90 * INCH, shared=True),)
     assert not ring.edges[0].counted
     assert ring.path_length_mm == 340 * INCH
 
 
 def test_a_shared_light_may_be_exactly_at_a_node() -> None:
     text = ROOM.replace("-270 A W 0 100", "-270 A W 1 -100 100").replace("B W 1 60", "B W 1 -0")
-    assert read(text).rings[0].edges[1].lights == (Light(offset_mm=0.0, shared=True),)
+    assert read(text).rings[0].edges[1].lights == (MapLight(offset_mm=0.0, shared=True),)
 
 
 def test_units_comments_and_order_of_the_header() -> None:

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import zenoh
 
-from colony.robots.process_run import PLANT_START_TIMEOUT_S
+from colony.cli.run.led_run import PLANT_START_TIMEOUT_S
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.runtime.transport.live.network import ZenohSession, local_time
@@ -66,7 +66,7 @@ class Run:
         if served:
             self.parent: Started = machine.start("serve", "all", "--robot", ROBOT, *simulated)
             self._wait_for_simulator()
-            self.started: Started = machine.start("run", WANDER, "--connect", "--robot", ROBOT, *lasting)
+            self.started: Started = machine.start("drive", WANDER, "--robot", ROBOT, *lasting)
         else:
             arguments = (*simulated, "--processes", "--isolate", "--no-picture", *lasting)
             self.parent = self.started = machine.start("run", WANDER, *arguments)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.assembly.processes.clock_watch import GIVE_UP_AFTER_S, REPORT_AFTER_S, ClockWatch
+from colony.runtime.assembly.processes.window import GIVE_UP_AFTER_S, REPORT_AFTER_S, ClockWatch
 
 
 @pytest.fixture

@@ -12,10 +12,9 @@ from typing import Any
 import pytest
 from msgspec import structs
 
-from colony.runtime.assembly.processes.driver_factory import DriverError
 from colony.runtime.assembly.processes.hardware import HardwareBase, close_driver, device_driver, load_driver
 from colony.runtime.assembly.processes.restarts import MAX_PAUSE_NS, MAX_QUICK_DEATHS, Restarts
-from colony.runtime.assembly.processes.spec import Hardware
+from colony.runtime.assembly.processes.spec import DriverError, HardwareDriver
 from colony.runtime.kit.once import RECOVERED_AFTER
 from colony.runtime.servers.commanding import NotSentError
 from colony.runtime.servers.drivers import BaseState
@@ -42,9 +41,9 @@ def folder(tmp_path: Path) -> Iterator[Path]:
         del sys.modules[name]
 
 
-def hardware(folder: Path, driver: str, **options: str | int | float | bool) -> Hardware:
+def hardware(folder: Path, driver: str, **options: str | int | float | bool) -> HardwareDriver:
     origin = "scout.toml: server.Lidar.hardware"
-    return Hardware(driver=driver, options=options, search_path=(str(folder),), origin=origin)
+    return HardwareDriver(driver=driver, options=options, search_path=(str(folder),), origin=origin)
 
 
 def test_a_class_beside_the_body_is_made_with_the_options(folder: Path) -> None:
@@ -153,7 +152,7 @@ class Motors:
 
 def base(driver: Motors) -> tuple[HardwareBase, list[str]]:
     reports: list[str] = []
-    of = Hardware(driver="d:Motors")
+    of = HardwareDriver(driver="d:Motors")
     made = HardwareBase(driver, LIMITS, of, origin_ns=ORIGIN_NS, report=reports.append, clock=lambda: NOW_NS)
     return made, reports
 
@@ -216,7 +215,7 @@ class SidewaysMotors(Motors):
 
 def test_a_base_that_drives_sideways_is_given_that_speed_too() -> None:
     driver, limits = SidewaysMotors(state(sideways_speed=20.0)), replace(LIMITS, sideways=400.0)
-    made = HardwareBase(driver, limits, Hardware(driver="d:M"), origin_ns=ORIGIN_NS, report=print)
+    made = HardwareBase(driver, limits, HardwareDriver(driver="d:M"), origin_ns=ORIGIN_NS, report=print)
     made.drive(100.0, 5.0, -30.0)
     assert driver.sent == [("drive", 100.0, 5.0, -30.0)]
     found = made.state()
@@ -239,7 +238,7 @@ def test_a_base_says_what_fails_until_it_works_again() -> None:
 
 def test_a_base_without_its_methods_is_none() -> None:
     with pytest.raises(DriverError, match="it has no `drive`, `stop` and `state`") as raised:
-        HardwareBase(object(), LIMITS, Hardware(driver="d:M"), origin_ns=0, report=print)
+        HardwareBase(object(), LIMITS, HardwareDriver(driver="d:M"), origin_ns=0, report=print)
     assert raised.value.is_final
 
 

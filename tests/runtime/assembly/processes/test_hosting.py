@@ -11,8 +11,8 @@ import pytest
 
 from colony.runtime.assembly.processes.hosting import HostedParts
 from colony.runtime.assembly.processes.restarts import MAX_QUICK_DEATHS
+from colony.runtime.assembly.processes.shutdown import INTERVAL_S, QUIET_S, STALL_S, Stalls, reporting_stalls
 from colony.runtime.assembly.processes.spec import ClockPart, DServerPart
-from colony.runtime.assembly.processes.stalls import INTERVAL_S, QUIET_S, STALL_S, Stalls, reporting_stalls
 from colony.runtime.protocol.messages import Node
 from colony.runtime.store.store import StoreError
 from colony.runtime.transport.live.robot_address import Local

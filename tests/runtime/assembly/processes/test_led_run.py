@@ -10,10 +10,10 @@ import pytest
 from colony.compile.pipeline import compile_program
 from colony.ir.frame import Frame, Outcome
 from colony.runtime.assembly.nodes import build_observer
-from colony.runtime.assembly.processes.children import Job
-from colony.runtime.assembly.processes.run import RunFailedError, SupervisedRun
+from colony.runtime.assembly.processes.children import Job, RunFailedError
+from colony.runtime.assembly.processes.run import SupervisedRun
 from colony.runtime.assembly.processes.run_status import RunStatusTracker
-from colony.runtime.assembly.processes.window import Window
+from colony.runtime.assembly.processes.window import RecordingWindow
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.deployment import deployment
@@ -57,7 +57,7 @@ class Led:
         bindings = bind(compiled.robot, ROME_SERVERS)
         deployed = deployment(compiled, bindings, run="r1", seed=1)
         self.status_tracker = RunStatusTracker(deployed, file="f.colony")
-        self.window = Window(None, frame_ns=deployed.frame_ns, sinks=(self.status_tracker,))
+        self.window = RecordingWindow(None, frame_ns=deployed.frame_ns, sinks=(self.status_tracker,))
         self.reports: list[str] = []
         self.led = SupervisedRun(
             robot_address({"COLONY_RUN_DIR": run_folder}),

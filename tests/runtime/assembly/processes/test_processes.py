@@ -16,7 +16,7 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.colonyc import encode, read
 from colony.execute.compiled import SourceFile
-from colony.ir.frame import Frame, Outcome, Record
+from colony.ir.frame import Frame, FrameEvent, Outcome
 from colony.ir.program import Program, PythonModule, Use, Wire
 from colony.ir.servers import CommandSpec, FieldSpec, ParameterSpec, ServerSpec
 from colony.ir.types import BOOL, DISTANCE, Array, Enum
@@ -33,7 +33,7 @@ from colony.runtime.assembly.processes.parts import nodes_of
 from colony.runtime.assembly.processes.run_status import LeaderServer, RunStatusTracker
 from colony.runtime.assembly.processes.spec import (
     Device,
-    Hardware,
+    HardwareDriver,
     Spec,
     address_of,
     address_spec,
@@ -44,9 +44,9 @@ from colony.runtime.assembly.processes.spec import (
     write_private,
     write_spec,
 )
-from colony.runtime.assembly.processes.window import Window
+from colony.runtime.assembly.processes.window import RecordingWindow
 from colony.runtime.frames.run_frame import RunFrame
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.leader import LEADER, RunStatus
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.calls import NoArguments
@@ -72,7 +72,9 @@ DEVICES = RobotDevices(
             commands=(CommandSpec("move", (ParameterSpec("place", PLACE, "", low=0.0),)),),
         ),
     ),
-    hardware={"Lidar": Hardware(driver="m:Scanner", options={"port": "/dev/x", "baud": 9600, "echo": True})},
+    hardware={
+        "Lidar": HardwareDriver(driver="m:Scanner", options={"port": "/dev/x", "baud": 9600, "echo": True})
+    },
     absent=("Battery",),
 )
 CLIENTS = ["drive/back_off", "drive/avoid", "drive/cruise"]
@@ -262,7 +264,7 @@ def test_processes_load_no_more_than_they_need(module: str, absent: set[str]) ->
 
 def test_a_window_shows_its_part_of_a_run_with_times_from_zero() -> None:
     shown, recorded = Log(), Log()
-    window = Window(150 * MS, frame_ns=50 * MS, sinks=(shown,))
+    window = RecordingWindow(150 * MS, frame_ns=50 * MS, sinks=(shown,))
     window.record(recorded)
     for k in range(7, 12):
         assert window.over == (k > 10)
@@ -278,7 +280,7 @@ def test_a_window_shows_its_part_of_a_run_with_times_from_zero() -> None:
 
 def test_a_window_that_was_shut_shows_nothing_more() -> None:
     shown = Log()
-    window = Window(None, frame_ns=50 * MS, sinks=(shown,))
+    window = RecordingWindow(None, frame_ns=50 * MS, sinks=(shown,))
     assert not window.begun
     window.take(log(7))
     assert window.begun
@@ -295,7 +297,7 @@ def test_sinks_are_closed_even_where_one_fails() -> None:
             raise OSError("no space left")
 
     first, last = Log(), Log()
-    window = Window(None, frame_ns=50 * MS, sinks=(first, Full(), last))
+    window = RecordingWindow(None, frame_ns=50 * MS, sinks=(first, Full(), last))
     with pytest.raises(OSError, match="no space left"):
         window.close()
     assert (first.closed, last.closed) == (1, 1)
@@ -332,8 +334,8 @@ def test_the_leader_knows_the_sensors_at_fault_and_the_variables_that_the_progra
     source = SourceFile(kind="behavior", path="b.colony", data=b"")
     compiled = replace(compile_program(of).compiled, sources=(source,))
     tracker = RunStatusTracker(deployed(of), file="f.colony", compiled=compiled)
-    fault = Record("sensor fault", "goal")
-    for records, faults in (((fault, Record("limited", "drive.velocity")), ("goal",)), ((), ())):
+    fault = FrameEvent("sensor fault", "goal")
+    for records, faults in (((fault, FrameEvent("limited", "drive.velocity")), ("goal",)), ((), ())):
         tracker.take(replace(log(1), expected=Outcome((), records)))
         assert tracker.status().faults == faults
     goal, on = tracker.program().reads
@@ -349,7 +351,7 @@ def test_the_leader_knows_the_sensors_at_fault_and_the_variables_that_the_progra
 
 def test_the_leader_answers(roaming: Program) -> None:
     server = LeaderServer(RunStatusTracker(deployed(roaming), file="f.colony"))
-    status = NodeStage(server).connect().do(Ask("run", NoArguments(), RunStatus, "read"))
+    status = NodeStage(server).connect().do(CallRequest("run", NoArguments(), RunStatus, "read"))
     assert server.address == LEADER
     assert (status.run, status.frames, status.k) == ("r1", 0, -1)
     assert {c.standing for c in status.clients} == {"starting"}

@@ -18,15 +18,14 @@ from colony.runtime.protocol.messages import (
     Ready,
     Recall,
     Request,
-    Send,
+    SendMessage,
     SentMessage,
     Verdict,
 )
-from colony.runtime.transport.live import keys, rate_limits
-from colony.runtime.transport.live.meter import Rate
+from colony.runtime.transport.live import keys, limits
+from colony.runtime.transport.live.limits import PROGRAM_RATE, Rate, RateLimits
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import MAX_BATCHED_BYTES, Outbox
-from colony.runtime.transport.live.rate_limits import PROGRAM_RATE, RateLimits
 from tests.runtime.transport.live.outside import SERVER, Outside
 from tests.runtime.transport.live.stage import ROBOT, Recorder, hosted, robot_address
 from tests.waiting import until
@@ -64,7 +63,7 @@ class WireMessage:
     def _taker(self, topic: str) -> Callable[[zenoh.Sample], None]:
         return lambda sample: self.pieces.append((topic, codec.decode_all(sample.payload.to_bytes())))
 
-    def send(self, *sends: Send) -> list[tuple[str, tuple[SentMessage, ...]]]:
+    def send(self, *sends: SendMessage) -> list[tuple[str, tuple[SentMessage, ...]]]:
         """Send these; gives the pieces in which they were heard."""
         self.pieces.clear()
         self.box.send_all(sends, 0)
@@ -81,14 +80,14 @@ def wire(environment: Mapping[str, str]) -> Iterator[WireMessage]:
 def test_what_is_said_to_one_server_goes_in_one_piece_and_all_else_by_itself(wire: WireMessage) -> None:
     verdicts = [Verdict(k=k, t_ns=0, actuator="drive", by=None, values=None, fates=()) for k in (1, 2)]
     sent = [
-        Send(REQUESTS, asks(3, "avoid")),
-        *(Send(topics.VERDICTS, verdict) for verdict in verdicts),
-        Send(topics.READY, ready("drive/avoid")),
-        Send(REQUESTS, asks(3, "cruise")),
-        Send(SAVED, memory("drive/avoid", MAX_BATCHED_BYTES)),
-        Send(SAVED, memory("drive/cruise", 10)),
-        Send(SAVED, memory("drive/large", MAX_BATCHED_BYTES + 1)),
-        Send(SAVED, Recall(client="drive/new")),
+        SendMessage(REQUESTS, asks(3, "avoid")),
+        *(SendMessage(topics.VERDICTS, verdict) for verdict in verdicts),
+        SendMessage(topics.READY, ready("drive/avoid")),
+        SendMessage(REQUESTS, asks(3, "cruise")),
+        SendMessage(SAVED, memory("drive/avoid", MAX_BATCHED_BYTES)),
+        SendMessage(SAVED, memory("drive/cruise", 10)),
+        SendMessage(SAVED, memory("drive/large", MAX_BATCHED_BYTES + 1)),
+        SendMessage(SAVED, Recall(client="drive/new")),
     ]
     assert sorted(wire.send(*sent), key=repr) == sorted(
         [
@@ -105,7 +104,7 @@ def test_what_is_said_to_one_server_goes_in_one_piece_and_all_else_by_itself(wir
 
 def test_more_than_fit_into_a_batch_go_in_several_and_in_their_order(wire: WireMessage) -> None:
     sent = [asks(k) for k in range(MAX_BATCH_LENGTH + 1)]
-    pieces = [piece for _, piece in wire.send(*(Send(REQUESTS, one) for one in sent))]
+    pieces = [piece for _, piece in wire.send(*(SendMessage(REQUESTS, one) for one in sent))]
     assert [len(piece) for piece in pieces] == [MAX_BATCH_LENGTH, 1]
     assert [one for piece in pieces for one in piece] == sent
     assert not wire.reports
@@ -113,7 +112,7 @@ def test_more_than_fit_into_a_batch_go_in_several_and_in_their_order(wire: WireM
 
 def test_what_is_too_large_together_goes_one_by_one(wire: WireMessage) -> None:
     large = [asks(k, "c" * 60_000) for k in range(6)]
-    assert wire.send(*(Send(REQUESTS, one) for one in large)) == [(REQUESTS, (one,)) for one in large]
+    assert wire.send(*(SendMessage(REQUESTS, one) for one in large)) == [(REQUESTS, (one,)) for one in large]
     assert not wire.reports
 
 
@@ -139,7 +138,7 @@ def put(outside: Outside, data: bytes, user: str = "ada") -> None:
 def test_a_batch_over_the_rate_of_its_user_is_refused_as_a_whole(
     environment: Mapping[str, str], outside: Outside, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rate_limits, "PROGRAM_RATE", Rate(per_s=0.0, burst=7.0))
+    monkeypatch.setattr(limits, "PROGRAM_RATE", Rate(per_s=0.0, burst=7.0))
     node = Recorder(SERVER, REQUESTS)
     batches = [tuple(asks(k) for k in ks) for ks in (range(4), range(10, 14), range(20, 23))]
     with hosted(environment, [node]):

@@ -24,7 +24,7 @@ from colony.runtime.protocol.messages import (
     Reply,
     Request,
     Right,
-    Send,
+    SendMessage,
     SentMessage,
     ServerFrame,
     Tick,
@@ -90,9 +90,9 @@ def test_a_call_on_a_topic_of_frames_is_malformed() -> None:
 def test_no_name_that_somebody_gives_breaks_a_server(client: str) -> None:
     reports: list[str] = []
 
-    def answer(message: Message, now_ns: int) -> list[Send]:
+    def answer(message: Message, now_ns: int) -> list[SendMessage]:
         name = message.client if isinstance(message, Recall) else "sane"
-        return [Send(topics.recall_answers("DServer", name), CHECKPOINT)]
+        return [SendMessage(topics.recall_answers("DServer", name), CHECKPOINT)]
 
     node = Recorder("DServer", topics.checkpoints("DServer"), on=answer)
     with (

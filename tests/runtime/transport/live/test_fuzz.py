@@ -15,13 +15,12 @@ import zenoh
 from colony.runtime.kit.connection import Session
 from colony.runtime.library import clock as clock_library
 from colony.runtime.library import proximity, robot
-from colony.runtime.library.ask import Ask
+from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol import codec, topics
 from colony.runtime.protocol.calls import NoArguments, Status
 from colony.runtime.protocol.codec import MAX_MESSAGE_BYTES, MessageFormatError
 from colony.runtime.protocol.messages import Reply, Right, SentMessage, Tick
-from colony.runtime.transport.live.inbox import MAX_SLEEP_S, Inbox
-from colony.runtime.transport.live.message_queue import MessageQueue
+from colony.runtime.transport.live.inbox import MAX_SLEEP_S, Inbox, MessageQueue
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import declare_publisher
 from colony.runtime.transport.live.robot_address import local
@@ -80,7 +79,9 @@ def healthy(session: Session) -> None:
     """Every server answers a call that nothing is wrong with."""
     for name in BUILD:
         with session.connect(name, name="doctor") as connection:
-            found: Status = connection.do(Ask("status", NoArguments(), Status, "read", repeatable=True))
+            found: Status = connection.do(
+                CallRequest("status", NoArguments(), Status, "read", repeatable=True)
+            )
             assert found.server == name
     with session.connect("PServer", name="doctor") as eye:
         until(lambda: eye.do(proximity.sonar()), "the sonars read")

@@ -23,17 +23,17 @@ from colony.runtime.protocol.messages import (
     Message,
     Reply,
     Request,
-    Send,
+    SendMessage,
     Tick,
     Wake,
     WakeAt,
 )
 from colony.runtime.transport.live import gateway, keys
-from colony.runtime.transport.live.errors import GatewayFullError, UnreachableError
 from colony.runtime.transport.live.gateway import GatewayNode
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.robot_time import learned_time
+from colony.runtime.transport.live.run_directory import GatewayFullError, UnreachableError
 from colony.runtime.transport.live.security import read_security
 from tests.kit.calling import plain_call
 from tests.runtime.kit.stage import BATTERY, battery_thread, charge, halt, level
@@ -125,7 +125,7 @@ def test_nobody_hears_the_answers_to_others(lab: Lab) -> None:
     def answer(message: Message, now_ns: int) -> Iterator[Effect]:
         if isinstance(message, Call):
             reply = Reply(connection=message.connection, number=message.number)
-            yield Send(topics.replies("RServer", message.connection), reply)
+            yield SendMessage(topics.replies("RServer", message.connection), reply)
 
     heard: dict[str, list[object]] = {"ada": [], "bob": []}
     node = Recorder("RServer", topics.calls("RServer"), on=answer)
@@ -157,14 +157,14 @@ class _Clock(Recorder):
     def _tick(self, message: Message, now_ns: int) -> Iterator[Effect]:
         if isinstance(message, Wake):
             self.k += 1
-            yield Send(topics.TICKS, Tick(k=self.k, t_ns=now_ns))
+            yield SendMessage(topics.TICKS, Tick(k=self.k, t_ns=now_ns))
             yield WakeAt(now_ns + 5_000_000)
 
 
 def test_a_client_of_a_program_runs_on_another_machine(lab: Lab) -> None:
     def request(message: Message, now_ns: int) -> Iterator[Effect]:
         if isinstance(message, Tick):
-            yield Send(
+            yield SendMessage(
                 topics.requests("RServer"),
                 Request(k=message.k, actuator="drive", client="wander", bid="silent"),
             )

@@ -10,9 +10,9 @@ import zenoh
 
 from colony.runtime.kit.connection import Session, connect
 from colony.runtime.transport.live import configuration
-from colony.runtime.transport.live.errors import SecurityError, UnreachableError
 from colony.runtime.transport.live.gateway import open_gateway
 from colony.runtime.transport.live.robot_address import Credentials
+from colony.runtime.transport.live.run_directory import SecurityError, UnreachableError
 from colony.runtime.transport.live.security import read_security
 from tests.runtime.kit.stage import BATTERY
 from tests.runtime.transport.live.certificates import Authority, free_port

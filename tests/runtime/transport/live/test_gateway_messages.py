@@ -21,11 +21,10 @@ from colony.runtime.protocol.messages import (
     Ready,
     Reply,
     Request,
-    Send,
+    SendMessage,
 )
-from colony.runtime.transport.live import keys, rate_limits
-from colony.runtime.transport.live.limits import MEDIUM_MESSAGE_BYTES
-from colony.runtime.transport.live.meter import Rate
+from colony.runtime.transport.live import keys, limits
+from colony.runtime.transport.live.limits import MEDIUM_MESSAGE_BYTES, Rate
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import Outbox, SendPriority, declare_publisher
 from tests.kit.calling import plain_call
@@ -114,7 +113,7 @@ def test_the_largest_answer_gets_through(lab: Lab) -> None:
     def answer(message: Message, now_ns: int) -> Iterator[Effect]:
         if isinstance(message, Call):
             reply = Reply(connection=message.connection, number=message.number, result=image)
-            yield Send(topics.replies("CServer", message.connection), reply)
+            yield SendMessage(topics.replies("CServer", message.connection), reply)
 
     heard: list[object] = []
     node = Recorder("CServer", topics.calls("CServer"), on=answer)
@@ -211,12 +210,12 @@ def test_the_largest_batches_of_clients_get_through_and_are_counted_by_their_mes
     lab: Lab, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As large as a process of a thousand clients with long names sends them, in each of some frames."""
-    monkeypatch.setattr(rate_limits, "PROGRAM_RATE", Rate(per_s=0.0, burst=3 * (2 * MAX_BATCH_LENGTH + 30)))
+    monkeypatch.setattr(limits, "PROGRAM_RATE", Rate(per_s=0.0, burst=3 * (2 * MAX_BATCH_LENGTH + 30)))
     clients = [f"{'c' * 150}{i}" for i in range(MAX_BATCH_LENGTH)]
     frames = [
         [
-            *(Send(topics.requests("RServer"), _asks(k, client)) for client in clients),
-            *(Send(topics.READY, Ready(client=client, run="run", k=k)) for client in clients),
+            *(SendMessage(topics.requests("RServer"), _asks(k, client)) for client in clients),
+            *(SendMessage(topics.READY, Ready(client=client, run="run", k=k)) for client in clients),
         ]
         for k in range(4)
     ]
@@ -230,13 +229,13 @@ def test_the_largest_batches_of_clients_get_through_and_are_counted_by_their_mes
                 _send_until_heard(box, batch, node)
         before = len(node.got)
         box.send_all(frames[3], 0)
-        box.send_all([Send(topics.READY, Ready(client="one more", run="run"))], 0)
+        box.send_all([SendMessage(topics.READY, Ready(client="one more", run="run"))], 0)
         until(lambda: Ready(client="one more", run="run") in node.got, "there is room for one more")
     assert node.got[before:] == [Ready(client="one more", run="run")], "but not for a whole batch"
     assert not reports
 
 
-def _send_until_heard(box: Outbox, batch: list[Send], node: Recorder) -> None:
+def _send_until_heard(box: Outbox, batch: list[SendMessage], node: Recorder) -> None:
     """Send a batch again where a busy machine dropped it, as it may drop any message of a frame."""
     heard = len(node.got) + len(batch)
     for _ in range(20):

@@ -19,14 +19,14 @@ from colony.runtime.protocol.messages import (
     Message,
     Notice,
     Reply,
-    Send,
+    SendMessage,
     Tick,
 )
-from colony.runtime.transport.live.errors import AlreadyRunningError
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.message_queue import MAX_CALLS_PER_CONNECTION
+from colony.runtime.transport.live.inbox import MAX_CALLS_PER_CONNECTION
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.robot_time import learned_time
+from colony.runtime.transport.live.run_directory import AlreadyRunningError
 from tests.kit.calling import plain_call
 from tests.runtime.transport.live.outside import CALLS, SERVER, Blocked, Outside
 from tests.runtime.transport.live.stage import Recorder, hosted, robot_address, running
@@ -157,8 +157,8 @@ def test_a_reply_that_is_too_large_becomes_an_error_and_other_messages_are_repor
     def answer(message: Message, now_ns: int) -> Iterable[Effect]:
         assert isinstance(message, Call)
         topic = topics.replies(SERVER, message.connection)
-        yield Send(topic, Notice(connection=message.connection, subject="s", body=huge))
-        yield Send(topic, Reply(connection=message.connection, number=message.number, result=huge))
+        yield SendMessage(topic, Notice(connection=message.connection, subject="s", body=huge))
+        yield SendMessage(topic, Reply(connection=message.connection, number=message.number, result=huge))
 
     reports: list[str] = []
     outside.hear(topics.replies(SERVER, "ada/7"))
@@ -211,7 +211,7 @@ def test_it_stops_before_it_ran(environment: Mapping[str, str]) -> None:
 
 def test_nodes_of_one_host_hear_each_other(environment: Mapping[str, str]) -> None:
     def send(now_ns: int) -> Iterable[Effect]:
-        yield Send(topics.TICKS, Tick(k=1, t_ns=now_ns))
+        yield SendMessage(topics.TICKS, Tick(k=1, t_ns=now_ns))
 
     listener = Recorder("listener", topics.TICKS)
     with hosted(environment, [Recorder(SERVER, begin=send), listener]):

@@ -19,7 +19,7 @@ from colony.runtime.protocol.messages import (
     Effect,
     Message,
     Sample,
-    Send,
+    SendMessage,
     ServerFrame,
     Tick,
     WakeAt,
@@ -35,12 +35,12 @@ import os, signal, sys
 from colony.runtime.protocol import topics
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import local
-from colony.runtime.protocol.messages import Checkpoint, Send
+from colony.runtime.protocol.messages import Checkpoint, SendMessage
 from tests.runtime.transport.live.stage import Recorder
 
 def save(message, now_ns):
     saved = Checkpoint(client="c", k=message.k, start=0, memory=bytes(1_000_000))
-    yield Send(topics.checkpoints("DServer"), saved)
+    yield SendMessage(topics.checkpoints("DServer"), saved)
 
 recorder = Recorder("drive/c", topics.TICKS, on=save)
 with Host.open(local("rome", os.environ), [recorder]) as host:
@@ -75,17 +75,18 @@ import os, signal, sys
 from colony.runtime.protocol import topics
 from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import local
-from colony.runtime.protocol.messages import Checkpoint, Request, Send
+from colony.runtime.protocol.messages import Checkpoint, Request, SendMessage
 from tests.runtime.transport.live.stage import Recorder
 
 def requests(message, now_ns):
     saved = Checkpoint(client="drive/crowd", k=message.k, start=0, memory=bytes(100_000))
-    yield Send(topics.checkpoints("RServer"), saved)
+    yield SendMessage(topics.checkpoints("RServer"), saved)
     for n in range(int(sys.argv[1])):
         client = f"client_of_a_long_name_{n}"
         request = Request(k=message.k, actuator="drive", client=client, bid="command", values=(100.0, 1.5))
-        yield Send(topics.requests("RServer"), request)
-    yield Send(topics.requests("DServer"), Request(k=message.k, actuator="out", client="alone", bid="silent"))
+        yield SendMessage(topics.requests("RServer"), request)
+    silent = Request(k=message.k, actuator="out", client="alone", bid="silent")
+    yield SendMessage(topics.requests("DServer"), silent)
 
 crowd = Recorder("drive/crowd", topics.TICKS, on=requests)
 with Host.open(local("rome", os.environ), [crowd]) as host:
@@ -170,7 +171,7 @@ def test_a_reader_that_is_frozen_does_not_hold_up_a_server(environment: Mapping[
     def publish_frames(message: Message, now_ns: int) -> Iterable[Effect]:
         if len(server.got) <= frames:
             topic = topics.frames("PServer")
-            yield Send(topic, ServerFrame(server="PServer", k=len(server.got), fields=fields))
+            yield SendMessage(topic, ServerFrame(server="PServer", k=len(server.got), fields=fields))
             yield WakeAt(now_ns + 1_000_000)
 
     server = Recorder("PServer", topics.TICKS, on=publish_frames)

@@ -16,14 +16,13 @@ from colony.runtime.protocol.messages import (
     Message,
     Notice,
     Reply,
-    Send,
+    SendMessage,
     ServerFrame,
     Tick,
 )
 from colony.runtime.transport.live import keys
-from colony.runtime.transport.live.acknowledging import MAX_DROPPABLE_BYTES
 from colony.runtime.transport.live.host import Host
-from colony.runtime.transport.live.message_queue import MAX_CALLS_PER_CONNECTION
+from colony.runtime.transport.live.inbox import MAX_CALLS_PER_CONNECTION, MAX_DROPPABLE_BYTES
 from colony.runtime.transport.live.network import ZenohSession
 from colony.runtime.transport.live.outbox import Outbox
 from tests.kit.calling import plain_call
@@ -61,7 +60,7 @@ def test_nodes_of_a_host_get_the_very_messages_and_nothing_is_encoded_for_nobody
     encoded: list[object] = []
     monkeypatch.setattr(codec, "encode", encoded.append)
     listener = Recorder("listener", topics.TICKS)
-    clock = Recorder(SERVER, begin=lambda now_ns: [Send(topics.TICKS, tick) for tick in sent])
+    clock = Recorder(SERVER, begin=lambda now_ns: [SendMessage(topics.TICKS, tick) for tick in sent])
     with hosted(environment, [listener, clock]):
         until(lambda: len(listener.got) == 100, "all are handed over")
     assert all(got is tick for got, tick in zip(listener.got, sent, strict=True))
@@ -73,7 +72,7 @@ def test_another_process_hears_what_a_node_of_the_host_hears_in_memory_once(
 ) -> None:
     def pass_on(message: Message, now_ns: int) -> Iterable[Effect]:
         assert isinstance(message, Tick)
-        yield Send(topics.frames(topics.CLOCK), message)
+        yield SendMessage(topics.frames(topics.CLOCK), message)
 
     listener = Recorder("listener", topics.frames(topics.CLOCK))
     outside.hear(topics.frames(topics.CLOCK))
@@ -89,7 +88,7 @@ def test_another_process_hears_what_must_not_be_dropped_and_a_node_of_the_host_h
 ) -> None:
     topic = topics.replies(SERVER, "u/a")
     told = [Notice(connection="u/a", subject=str(n), body=msgspec.Raw(b"\xc0")) for n in range(100)]
-    server = Recorder(SERVER, topics.TICKS, on=lambda *_: [Send(topic, notice) for notice in told])
+    server = Recorder(SERVER, topics.TICKS, on=lambda *_: [SendMessage(topic, notice) for notice in told])
     listener = Recorder("listener", topic)
     outside.hear(topic)
     with hosted(environment, [server, listener]):
@@ -103,7 +102,7 @@ def test_answers_wait_for_the_store_and_frames_do_not(
 ) -> None:
     def serve(message: Message, now_ns: int) -> Iterable[Effect]:
         if isinstance(message, Tick):
-            yield Send(topics.frames(SERVER), ServerFrame(server=SERVER, k=message.k, fields={}))
+            yield SendMessage(topics.frames(SERVER), ServerFrame(server=SERVER, k=message.k, fields={}))
         else:
             yield from _echo(message, now_ns)
 
@@ -150,11 +149,11 @@ def test_what_must_not_be_dropped_is_sent_in_a_thread_of_its_own(
                 msgspec.msgpack.encode(bytes(MAX_DROPPABLE_BYTES if message.number > 1 else 1))
             )
             reply = Reply(connection=message.connection, number=message.number, result=result)
-            yield Send(topics.replies(SERVER, message.connection), reply)
+            yield SendMessage(topics.replies(SERVER, message.connection), reply)
 
     send_all = Outbox.send_all
 
-    def waits_for_room(outbox: Outbox, sends: Sequence[Send], now_ns: int) -> None:
+    def waits_for_room(outbox: Outbox, sends: Sequence[SendMessage], now_ns: int) -> None:
         if outbox._may_block:
             threads.append(threading.current_thread().name)
             held.set()
@@ -234,4 +233,4 @@ def test_a_stop_does_not_wait_for_a_node_that_is_busy_with_its_own(environment: 
 def _echo(message: Message, now_ns: int) -> Iterable[Effect]:
     if isinstance(message, Call):
         reply = Reply(connection=message.connection, number=message.number)
-        yield Send(topics.replies(SERVER, message.connection), reply)
+        yield SendMessage(topics.replies(SERVER, message.connection), reply)

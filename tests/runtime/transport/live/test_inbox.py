@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.runtime.protocol import topics
-from colony.runtime.transport.live.inbox import Inbox
-from colony.runtime.transport.live.message_queue import MessageQueue
+from colony.runtime.transport.live.inbox import Inbox, MessageQueue
 from tests.kit.calling import plain_call
 
 TOPIC = topics.TICKS

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from colony.runtime.protocol.messages import Alive, Call, Malformed, Right
-from colony.runtime.transport.live.message_queue import (
+from colony.runtime.transport.live.inbox import (
     MAX_STOPS_PER_CONNECTION,
     DroppedCall,
     MessageQueue,

@@ -14,7 +14,7 @@ from tests.paths import ROOT
 OPEN = """
 import os, resource, sys
 from colony.runtime.transport.live import network
-from colony.runtime.transport.live.errors import UnreachableError
+from colony.runtime.transport.live.run_directory import UnreachableError
 from colony.runtime.transport.live.robot_address import local
 place = local("rome", {"COLONY_RUN_DIR": sys.argv[1]})
 if sys.argv[2] == "unchecked":

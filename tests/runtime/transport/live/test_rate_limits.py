@@ -4,8 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from colony.runtime.transport.live.meter import BYTES_PER_TOKEN, MAX_SENDERS, Meter, Rate
-from colony.runtime.transport.live.rate_limits import CALL_RATE, FETCH_RATE, STOP_RATE, RateLimits
+from colony.runtime.transport.live.limits import (
+    BYTES_PER_TOKEN,
+    CALL_RATE,
+    FETCH_RATE,
+    MAX_SENDERS,
+    STOP_RATE,
+    Meter,
+    Rate,
+    RateLimits,
+)
 
 S = 1_000_000_000
 

@@ -12,14 +12,15 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from colony.files import CLAIM_BYTES
 from colony.runtime.transport.live import run_directory as module
-from colony.runtime.transport.live.errors import AlreadyRunningError, RunDirectoryError
 from colony.runtime.transport.live.run_directory import (
-    CLAIM_BYTES,
     MAX_SOCKET_PATH_BYTES,
     SLOTS,
+    AlreadyRunningError,
     RobotDirectory,
     RunDirectory,
+    RunDirectoryError,
     in_run_directory,
 )
 from tests.runtime.transport.live.stage import robot_address, run_directory

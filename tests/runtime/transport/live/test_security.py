@@ -6,12 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from colony.runtime.transport.live.access import access_control
-from colony.runtime.transport.live.endpoint import Endpoint, parse_endpoint
-from colony.runtime.transport.live.errors import SecurityError
-from colony.runtime.transport.live.names import local_user
+from colony.runtime.transport.live.configuration import Endpoint, parse_endpoint
+from colony.runtime.transport.live.run_directory import SecurityError, local_user
 from colony.runtime.transport.live.security import (
     PERMISSIONS,
+    access_control,
     check_credentials,
     read_credentials,
     read_security,

@@ -1,0 +1,119 @@
+"""`colony shadow`: run a behavior in the shadow of a robot, which it does not command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from colony.cli.reporting import say
+from colony.cli.robot_options import connect_option, security_option
+from colony.cli.run.options import (
+    behavior_argument,
+    duration_option,
+    format_option,
+    record_option,
+    robot_option,
+    seed_option,
+    site_option,
+    unproved_option,
+)
+from colony.ir.program import Actuator, ActuatorField
+from colony.ir.types import Enum, ScalarValue
+
+if TYPE_CHECKING:
+    from colony.execute.compiled import Compiled
+    from colony.runs.spec import RunSpec, UserInterface
+    from colony.runtime.frames.run_frame import RunFrame
+    from colony.runtime.protocol.messages import Verdict
+
+REPEAT_NS = 1_000_000_000
+"""Nanoseconds after which a line is repeated although the winner has not changed."""
+
+
+@click.command(name="shadow", short_help="show what a behavior would do on a robot that is served")
+@behavior_argument
+@robot_option
+@connect_option()
+@security_option()
+@seed_option
+@duration_option("until Ctrl-C")
+@record_option
+@site_option
+@unproved_option
+@format_option
+def command(**options: Any) -> None:
+    """Run a behavior in the shadow of a robot that is already running, also beside a driver.
+
+    FILE is a behavior, the name of one that comes with colony, or a compiled program (`colony compile -o
+    NAME.colonyc`). It reads what the robot measures, sends nothing, and prints what it would have sent each
+    second and whenever another client wins. A recording is marked as that of a shadow. It is the first thing
+    to do with a new behavior on a real robot (docs/your-robot.md).
+
+    Params, summary and exit code are as for `colony run`.
+
+    \b
+    Example:
+      colony shadow wander --robot rome --record shadow.mcap
+      colony shadow wander --robot rome --connect tls/rome.lab:7447 --security ada.toml
+    """
+    from colony.cli.run.running import run_on_served
+    from colony.cli.run.shadow_run import run_shadow
+
+    run_on_served(run_shadow, _interface, options)
+
+
+@contextmanager
+def _interface(compiled: Compiled, spec: RunSpec) -> Iterator[UserInterface]:
+    """Lend the interface at the terminal, which shows the decisions instead of a progress bar."""
+    from colony.cli.run.interface import TERMINAL_INTERFACE
+
+    yield replace(TERMINAL_INTERFACE, progress=lambda length_ns: Decisions(compiled.robot.actuators, say))
+
+
+class Decisions:
+    """A sink that reports what would be sent when the winner changes, and once a second. Mutable.
+
+    Args:
+        actuators: the actuators of the program.
+        report: callback for a line.
+    """
+
+    def __init__(self, actuators: tuple[Actuator, ...], report: Callable[[str], None]) -> None:
+        self._actuators = actuators
+        self._report = report
+        self._winners: dict[str, str | None] = {}
+        self._reported_ns: int | None = None
+
+    def take(self, log: RunFrame) -> None:
+        """Report a frame, if it is time to."""
+        t_ns, reported_ns = log.tick.t_ns, self._reported_ns
+        winners = {name: verdict.by for name, verdict in log.verdicts.items()}
+        if winners == self._winners and reported_ns is not None and t_ns - reported_ns < REPEAT_NS:
+            return
+        self._winners, self._reported_ns = winners, t_ns
+        parts = [_would_send(a, log.verdicts[a.name]) for a in self._actuators if a.name in log.verdicts]
+        self._report(f"{t_ns / 1e9:8.2f} s  would send {'; '.join(parts)}")
+
+    def close(self) -> None:
+        """Do nothing: every line has been reported."""
+
+
+def _would_send(actuator: Actuator, verdict: Verdict) -> str:
+    fault = f" ({verdict.fault})" if verdict.fault else ""
+    if verdict.values is None:
+        return f"nothing to {actuator.name}{fault}"
+    pairs = zip(actuator.fields, verdict.values, strict=True)
+    command = ", ".join(f"{field.name} = {_value(field, value)}" for field, value in pairs)
+    return f"{actuator.name}({command}) by {verdict.by or 'nobody'}{fault}"
+
+
+def _value(field: ActuatorField, value: ScalarValue) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(field.type, Enum):
+        return next((name for name, number in field.type.members if number == value), f"{value:g}")
+    return f"{value + 0.0:.4g} {field.unit}".rstrip()  # + 0.0: no minus before a zero

@@ -1,1 +1,0 @@
-"""Complete robots, simulated or real, assembled from all packages to run a program."""
