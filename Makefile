@@ -13,11 +13,12 @@ ROUNDS  ?= 50
 MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
+RELEASE ?= jazzy
 
 # Tests start many processes; without bytecode each of them would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test test-long test-thorough browser check format bench soak stops loss agreement angles attack wheel mutants clean
+.PHONY: run test test-long test-thorough ros2 browser check format bench soak stops loss agreement angles attack wheel mutants clean
 
 run: $(SIM)
 	$(BIN)/colony run wander --map loop --duration 60 --seed 1 --picture run.png
@@ -26,10 +27,14 @@ test: $(DEV)
 	$(BIN)/python -m pytest -n auto --dist worksteal tests
 
 test-long: $(DEV)
-	$(BIN)/python -m pytest -n auto --dist worksteal -m 'long and not thorough' tests
+	$(BIN)/python -m pytest -n auto --dist worksteal -m 'long and not thorough and not ros2' tests
 
 test-thorough: $(DEV)
 	$(BIN)/python -m pytest -n auto --dist worksteal -m thorough tests
+
+ros2: $(DEV)
+	-ROS2_RELEASE=$(RELEASE) $(BIN)/python -m tests.ros2.environment
+	ROS2_RELEASE=$(RELEASE) $(BIN)/python -m pytest -n 0 -rs -m ros2 tests/ros2
 
 browser: $(DEV)
 	npm install --silent --no-audit --no-fund --no-save --prefix build/axe axe-core@4.14.1

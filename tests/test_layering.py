@@ -24,6 +24,7 @@ ALLOWED: dict[str, set[str]] = {
     "runtime": {"ir", "execute"},
     "analysis": {"ir", "dsl", "execute", "compile", "verify", "runtime"},
     "drivers": {"ir", "runtime"},
+    "ros2": {"ir", "runtime"},
     "nav": {"body", "runtime", "shipped"},
     "vision": {"body", "runtime", "nav"},
     "sim": {"ir", "body", "runtime", "nav"},
@@ -44,7 +45,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "experiment": {"ir", "dsl", "execute", "runtime", "analysis", "nav", "runs"},
 }
-ALLOWED["cli"] = set(ALLOWED) - {"drivers"}
+ALLOWED["cli"] = set(ALLOWED) - {"drivers", "ros2"}
 """The packages that a package may import, besides itself, `text` and the base."""
 
 THIRD_PARTY: dict[str, set[str]] = {
@@ -70,6 +71,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "lz4": {"runtime"},
     "zstandard": {"runtime"},
     "serial": {"drivers"},
+    "rclpy": {"ros2"},
 }
 """The only packages that may import these; an experiment finds dask by its name, where it is installed."""
 
@@ -231,11 +233,16 @@ PROCESSES: tuple[tuple[str, str, set[str]], ...] = (
         "import colony.cli.serve.serving, colony.cli.programs, colony.compile.pipeline",
         HEAVY | {"colony.verify", "colony.view"},
     ),
-    ("Clock, servers, clients", CHILD, HEAVY | FRONT_END | {"colony.sim", "colony.body", "colony.nav"}),
+    (
+        "Clock, servers, clients",
+        CHILD,
+        HEAVY | FRONT_END | {"colony.sim", "colony.body", "colony.nav", "colony.ros2"},
+    ),
     ("gateway", f"{CHILD}, colony.runtime.transport.live.gateway", HEAVY | FRONT_END | {"colony.sim"}),
     ("simulated servers", "import colony.sim.plant.servers", HEAVY | FRONT_END | {"colony.sim.world"}),
     ("plant", "import colony.sim.plant.process", {"colony.sim.cameras.camera", "colony.sim.cameras.ceiling"}),
     ("driver", "import colony.drivers.serial_base", HEAVY | FRONT_END | {"colony.sim", "colony.body"}),
+    ("ROS 2", "import colony.ros2.drivers", HEAVY | FRONT_END | {"colony.sim", "colony.body", "serial"}),
     ("guard", "import colony.drivers.guard", HEAVY | FRONT_END | {"zenoh", "colony.sim", "colony.body"}),
 )
 """The processes of a robot, what each imports, and what it may not have loaded then."""

@@ -28,6 +28,7 @@ from colony.body.devices import (
     ValuesSpec,
 )
 from colony.body.model import Body, Circle, Omnidirectional, Polygon, Rolling, ServerTable, radius_mm
+from colony.body.ros2 import BASE_NAMES, BASE_TYPES, unit_problem
 from colony.ir.bearings import TURN, too_many_hint, uniform
 from colony.ir.servers import COMMON_SERVERS, MAX_SERVER_NAME, PROXIMITY, RESERVED_SERVER_NAMES, RSERVER
 from colony.ir.types import DISTANCE, Array, type_text
@@ -267,14 +268,17 @@ def contradictions(body: Body, places: Located) -> Iterator[Diagnostic]:
         if name in _COMMON_NAMES:
             hint = "its variables need no table"
             yield error("B009", places.key(*keys), f"every robot has `{name}`; a body does not say so", hint)
-        elif server.simulated is None and server.hardware is None:
-            hint = 'write `simulated = { device = "..." }` or `hardware = { driver = "module:Class" }`'
+        elif server.simulated is None and not server.is_real:
+            hint = (
+                'write `simulated = { device = "..." }`, `hardware = { driver = "module:Class" }` or `ros2`'
+            )
             yield error(
                 "B009", places.key(*keys), f"`{name}` has no device: neither simulated nor real", hint
             )
         yield from _unusable_name(name, places)
         yield from _fixed_name(name, server, places)
         yield from _faults(server, places, keys)
+        yield from _topics(name, body, places)
         yield from device_contradictions(server.simulated, body, places, (*keys, "simulated"))
         yield from _fields(name, body, places)
 
@@ -304,9 +308,30 @@ def _fixed_name(name: str, server: ServerTable, places: Located) -> Iterator[Dia
         else:
             continue
         yield error("B009", places.value("server", name, "simulated", "device"), message, hint)
-    if isinstance(server.simulated, CameraSpec | CeilingCameraSpec) and server.hardware is not None:
+    if isinstance(server.simulated, CameraSpec | CeilingCameraSpec) and server.is_real:
+        key = "ros2" if server.hardware is None else "hardware"
         message = f"`{name}` is a camera: cameras have no drivers of their own yet"
-        yield error("B009", places.key("server", name, "hardware"), message, "leave out `hardware`")
+        yield error("B009", places.key("server", name, key), message, f"leave out `{key}`")
+
+
+def _topics(name: str, body: Body, places: Located) -> Iterator[Diagnostic]:
+    """Yield an error for each topic of ROS 2 that its server cannot have."""
+    server, is_base = body.servers[name], isinstance(body.device(name), BaseSpec)
+    keys = ("server", name, "ros2")
+    if server.ros2 and server.hardware is not None:
+        message = f"`{name}` has a driver and topics of ROS 2"
+        yield error("B009", places.key(*keys), message, "leave out `hardware` or `ros2`")
+    for key, topic in server.ros2.items():
+        types = BASE_TYPES.get(key, ())
+        if is_base and key not in BASE_NAMES:
+            message = f"`{name}` has no topic `{key}`"
+            hint = did_you_mean(key, BASE_NAMES) or f"expected {quoted(BASE_NAMES, 'or')}"
+            yield error("B009", places.key(*keys, key), message, hint)
+        elif is_base and types and topic.type not in types:
+            message = f"`{key}` of a base is not {topic.type}"
+            yield error("B009", places.value(*keys, key, "type"), message, f"expected {quoted(types, 'or')}")
+        if (problem := unit_problem(topic)) is not None:
+            yield error("B007", places.value(*keys, key, "unit"), problem)
 
 
 def _faults(server: ServerTable, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
@@ -334,7 +359,7 @@ def _fields(name: str, body: Body, places: Located) -> Iterator[Diagnostic]:
     keys = ("server", name, "fields")
     server, device = body.servers[name], body.device(name)
     specs = {} if device is None else {spec.name: spec for spec in device.fields}
-    is_closed = isinstance(device, BaseSpec) or (device is not None and server.hardware is None)
+    is_closed = isinstance(device, BaseSpec) or (device is not None and not server.is_real)
     for field, own in server.fields.items():
         spec = specs.get(field)
         if own.blocked and own.no_echo_mm is None:

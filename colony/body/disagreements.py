@@ -26,6 +26,7 @@ from colony.body.devices import (
 )
 from colony.body.model import Body, ServerTable
 from colony.body.reader import BodyFile
+from colony.body.ros2 import AUTO, TWIST, TWIST_STAMPED, is_scan
 from colony.body.servers import servers_of
 from colony.ir.bearings import LIST_STEP, TURN, between
 from colony.ir.fitting import (
@@ -69,6 +70,7 @@ def disagreements(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnost
     for actuator in robot.actuators:
         yield from _actuator(actuator, servers, body, file)
     yield from shared_commands(robot.actuators)
+    yield from _topics(robot, body, file)
     yield from _unread(robot, body, file)
     yield from unwatched_devices(robot, body, file)
 
@@ -390,6 +392,34 @@ def _range(actuator: Actuator, field: ActuatorField, limit: float, file: BodyFil
         top = f"{limit / field.factor * (1.0 - 1e-9):.10g}"
     hint = f"the base refuses what is beyond: write `range -{top} .. {top}`"
     yield error("B016", field.span, message, hint, here)
+
+
+def _topics(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
+    """Yield an error for each topic of ROS 2 that cannot be what the interface declares."""
+    sensors = {(s.server, s.field): s for s in reversed(robot.sensors) if s.sent is None}
+    commands = {(a.server, a.command) for a in robot.actuators}
+    for name, server in body.servers.items():
+        if isinstance(body.device(name), BaseSpec):
+            continue
+        for key, topic in server.ros2.items():
+            keys, sensor = ("server", name, "ros2", key), sensors.get((name, key))
+            is_command = (name, key) in commands
+            if sensor is None and not is_command:
+                message = f"nothing in the interface reads or commands `{name}.{key}`"
+                yield warning("B018", file.key(*keys), message)
+            elif sensor is not None and is_command:
+                message = f"`{name}.{key}` is both read and commanded, and has one topic"
+                hint = "declare the sensor or the actuator under another name, with a topic of its own"
+                yield error("B009", file.key(*keys), message, hint)
+            elif sensor is not None and topic.type == AUTO:
+                message = "a sensor cannot read the type `auto`"
+                hint = f"write `{TWIST}` or `{TWIST_STAMPED}`"
+                yield error("B009", file.value(*keys, "type"), message, hint)
+            elif sensor is not None and is_scan(topic) and bearings_of(sensor.type) is None:
+                message = f"`{sensor.name}` has no bearings, and reads a scan"
+                hint = "declare them: `bearing -180 deg step 1 deg`"
+                declared = Label(sensor.span, "declared here")
+                yield error("B014", file.value(*keys, "type"), message, hint, declared)
 
 
 def _unread(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:

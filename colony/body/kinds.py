@@ -93,6 +93,11 @@ class WordKind:
 
 
 @dataclass(frozen=True, slots=True)
+class Flag:
+    """True or false."""
+
+
+@dataclass(frozen=True, slots=True)
 class TextKind:
     """A text that matches a pattern as a whole; `form` describes it in messages."""
 
@@ -150,6 +155,7 @@ Kind = (
     | Interval
     | Whole
     | WordKind
+    | Flag
     | TextKind
     | Many
     | FixedArray

@@ -38,6 +38,7 @@ from colony.body.kinds import (
     WordKind,
     entry,
 )
+from colony.body.ros2 import Ros2Node, Ros2Topic
 from colony.ir.servers import RSERVER
 from colony.text.units import ANGLE, LENGTH, NUMBER, TIME
 
@@ -332,6 +333,18 @@ class ServerTable:
         "hardware", TableKind(HardwareTable), "the driver of the real device", default=None
     )
 
+    ros2: Mapping[str, Ros2Topic] = entry(
+        "ros2",
+        NamedTables(TableKind(Ros2Topic)),
+        "the topics of its fields and commands, in place of a driver",
+        default={},
+    )
+
+    @property
+    def is_real(self) -> bool:
+        """True if it has a real device: with a driver, or on topics of ROS 2."""
+        return self.hardware is not None or bool(self.ros2)
+
     def rate_of(self, field: str) -> float | None:
         """Return how often a field is measured, in Hz; None for each frame."""
         own = self.fields.get(field)
@@ -349,6 +362,7 @@ class Body:
 
     robot: RobotTable = entry("robot", TableKind(RobotTable), "whose body it is")
     chassis: Chassis = entry("body", TableKind(Chassis), "its shape and its drive")
+    ros2: Ros2Node = entry("ros2", TableKind(Ros2Node), "its node", default=Ros2Node())
     servers: Mapping[str, ServerTable] = entry(
         "server", NamedTables(TableKind(ServerTable)), "its servers by name", default={}
     )

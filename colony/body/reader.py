@@ -18,6 +18,7 @@ from colony.body.kinds import (
     AnyAmount,
     Entry,
     FixedArray,
+    Flag,
     FreeKeys,
     Interval,
     Kind,
@@ -205,6 +206,8 @@ class _Reader:
                 return self._whole(kind, value, keys)
             case WordKind():
                 return self._word(kind, value, keys)
+            case Flag():
+                return value if isinstance(value, bool) else self._wrong(keys, value, "true or false")
             case TextKind():
                 is_valid = isinstance(value, str) and len(value) <= 200 and re.fullmatch(kind.pattern, value)
                 return value if is_valid else self._wrong(keys, value, kind.form)

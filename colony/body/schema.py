@@ -16,6 +16,7 @@ from colony.body.kinds import (
     NUMBER_PATTERN,
     AnyAmount,
     FixedArray,
+    Flag,
     FreeKeys,
     Interval,
     Kind,
@@ -56,6 +57,8 @@ def _schema(kind: Kind) -> Schema:
             return {"type": "integer", "minimum": kind.low, "maximum": kind.high}
         case WordKind():
             return {"enum": list(kind.words)}
+        case Flag():
+            return {"type": "boolean"}
         case TextKind():
             return _text(kind.pattern) | {"maxLength": 200}
         case Many():

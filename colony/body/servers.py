@@ -7,10 +7,12 @@ from dataclasses import replace
 
 from colony.body.devices import Device, Directed
 from colony.body.model import Body, ServerTable
+from colony.body.ros2 import AUTO, Ros2Topic, is_scan, parameter_path, path_of, unit_of
 from colony.ir.bearings import between
-from colony.ir.program import Actuator, Robot, Sensor
+from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
 from colony.ir.servers import COMMON_SERVERS, CommandSpec, FieldSpec, ParameterSpec, ServerSpec
-from colony.ir.types import bearings_of
+from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, Type, bearings_of, element_type, in_shape_of
+from colony.text.units import Unit
 
 _DECLARED = "the value that the interface declares"
 
@@ -53,6 +55,32 @@ def in_declared_units(spec: ServerSpec, robot: Robot) -> ServerSpec:
     )
 
 
+def in_ros_units(spec: ServerSpec, server: ServerTable, robot: Robot) -> ServerSpec:
+    """Return a server whose driver gives and takes numbers in the units of ROS, and others as declared."""
+    declared = in_declared_units(spec, robot)
+    fields = tuple(
+        f if (unit := _unit(server.ros2.get(f.name), f)) is None else replace(f, factor=float(unit.factor))
+        for f in declared.fields
+    )
+    commands = tuple(
+        replace(c, parameters=tuple(_in_ros_unit(p, server.ros2.get(c.name)) for p in c.parameters))
+        for c in declared.commands
+    )
+    return replace(declared, fields=fields, commands=commands)
+
+
+def _unit(topic: Ros2Topic | None, field: FieldSpec) -> Unit | None:
+    is_number = isinstance(element_type(field.type), Quantity)
+    return None if topic is None or not is_number else unit_of(topic, path_of(topic))
+
+
+def _in_ros_unit(parameter: ParameterSpec, topic: Ros2Topic | None) -> ParameterSpec:
+    if topic is None or not isinstance(parameter.type, Quantity):
+        return parameter
+    unit = unit_of(topic, parameter_path(topic, parameter.name))
+    return parameter if unit is None else replace(parameter, factor=float(unit.factor))
+
+
 def _server(name: str, body: Body, robot: Robot | None) -> ServerSpec:
     server, device = body.servers[name], body.device(name)
     sensors: dict[str, Sensor] = {}
@@ -61,7 +89,9 @@ def _server(name: str, body: Body, robot: Robot | None) -> ServerSpec:
             sensors.setdefault(sensor.field, sensor)
     actuators = () if robot is None else (a for a in robot.actuators if a.server == name)
     return ServerSpec(
-        name, fields=tuple(_fields(server, device, sensors)), commands=tuple(_commands(device, actuators))
+        name,
+        fields=tuple(_fields(server, device, sensors)),
+        commands=tuple(_commands(server, device, actuators)),
     )
 
 
@@ -71,9 +101,28 @@ def _fields(server: ServerTable, device: Device | None, sensors: Mapping[str, Se
     for spec in measured:
         yield _described(spec, server, sensors.get(spec.name))
     known = {spec.name for spec in measured}
-    for field in server.fields:
-        if field not in known and field in sensors:
-            yield _described(FieldSpec(field, sensors[field].type, _DECLARED), server, sensors[field])
+    for field in dict.fromkeys((*server.fields, *server.ros2)):
+        if field in known or (sensor := sensors.get(field)) is None:
+            continue
+        topic = server.ros2.get(field)
+        spec = FieldSpec(field, sensor.type, _DECLARED) if topic is None else _topic_field(topic, sensor)
+        yield _described(spec, server, sensor)
+
+
+def _topic_field(topic: Ros2Topic, sensor: Sensor) -> FieldSpec:
+    """Return a field that a topic has, with the dimension of its message."""
+    path = path_of(topic)
+    element = _of_dimension(element_type(sensor.type), unit_of(topic, path))
+    is_bare = is_scan(topic) and not isinstance(sensor.type, Array)
+    type_: Type = Array(element, 1) if is_bare else in_shape_of(element, sensor.type)
+    return FieldSpec(sensor.field, type_, f"`{path}` of {topic.type}")
+
+
+def _of_dimension(declared: Scalar, unit: Unit | None) -> Scalar:
+    """Return the type of a part of a message: as declared, but with the dimension of its unit."""
+    if unit is None or isinstance(declared, Bool | Enum) or unit.dimension == declared.dimension:
+        return declared
+    return Quantity(unit.dimension)
 
 
 def _described(spec: FieldSpec, server: ServerTable, sensor: Sensor | None) -> FieldSpec:
@@ -93,15 +142,25 @@ def _described(spec: FieldSpec, server: ServerTable, sensor: Sensor | None) -> F
     return replace(spec, no_echo=no_echo, hold=own.invalid == "hold", blocked=tuple(sorted(blocked)))
 
 
-def _commands(device: Device | None, actuators: Iterable[Actuator]) -> Iterator[CommandSpec]:
+def _commands(
+    server: ServerTable, device: Device | None, actuators: Iterable[Actuator]
+) -> Iterator[CommandSpec]:
     """Yield the commands of the device; without one, those that the interface gives."""
     if device is not None:
         yield from device.commands
         return
     for actuator in actuators:
-        yield CommandSpec(actuator.command, tuple(_parameters(actuator)))
+        if server.ros2 and actuator.command not in server.ros2:
+            continue
+        topic = server.ros2.get(actuator.command)
+        yield CommandSpec(actuator.command, tuple(_parameter(field, topic) for field in actuator.fields))
 
 
-def _parameters(actuator: Actuator) -> Iterator[ParameterSpec]:
-    for field in actuator.fields:
-        yield ParameterSpec(field.name, field.type, _DECLARED, low=field.low, high=field.high)
+def _parameter(field: ActuatorField, topic: Ros2Topic | None) -> ParameterSpec:
+    """Return a parameter as declared; of a topic, with the dimension of its message."""
+    if topic is None:
+        return ParameterSpec(field.name, field.type, _DECLARED, low=field.low, high=field.high)
+    path = parameter_path(topic, field.name)
+    type_ = _of_dimension(field.type, unit_of(topic, path))
+    meaning = f"`{path}` of {'a twist' if topic.type == AUTO else topic.type}"
+    return ParameterSpec(field.name, type_, meaning, low=field.low, high=field.high)

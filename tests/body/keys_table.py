@@ -8,6 +8,7 @@ from typing import assert_never
 from colony.body.kinds import (
     AnyAmount,
     FixedArray,
+    Flag,
     FreeKeys,
     Interval,
     Kind,
@@ -68,6 +69,8 @@ def _value(kind: Kind) -> str:
             return "whole number"
         case WordKind():
             return " or ".join(f'`"{word}"`' for word in kind.words)
+        case Flag():
+            return "true or false"
         case TextKind():
             return kind.form
         case Many():

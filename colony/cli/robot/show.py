@@ -136,7 +136,8 @@ def _row(declared: Sensor | Actuator, body: Body) -> tuple[str, ...]:
     from colony.text.wording import duration_text
 
     server = body.servers.get(declared.server)
-    device = _device(body, declared.server)
+    of = declared.command if isinstance(declared, Actuator) else declared.field
+    device = _device(body, declared.server, of)
     if isinstance(declared, Actuator):
         fields = ", ".join(field.name for field in declared.fields)
         return declared.name, f"{{ {fields} }}", f"{declared.server}.{declared.command}", device, "", ""
@@ -177,14 +178,19 @@ def _bearings_text(bearings: Bearings) -> str:
     )
 
 
-def _device(body: Body, name: str) -> str:
+def _device(body: Body, name: str, of: str = "") -> str:
+    """Return the devices of a server, and the topic of a field or of a command."""
     from colony.body.devices import DEVICES
+    from colony.body.ros2 import ODOMETRY
 
     server = body.servers.get(name)
     if server is None:
         return ""
     simulated = [word for word, type_ in DEVICES if isinstance(server.simulated, type_)]
-    return ", ".join([*simulated, *([server.hardware.driver] if server.hardware else [])])
+    real = [server.hardware.driver] if server.hardware else []
+    topic = server.ros2.get(of) or server.ros2.get(ODOMETRY)
+    topics = [] if topic is None else [topic.topic]
+    return ", ".join([*simulated, *real, *topics])
 
 
 def _number(value: float) -> str:

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 from colony.body.devices import BaseSpec, CameraSpec, CeilingCameraSpec, Proximity
 from colony.body.model import Body, ServerTable
-from colony.body.servers import in_declared_units
+from colony.body.servers import in_declared_units, in_ros_units
 from colony.execute.compiled import Compiled
 from colony.ir.program import DEFAULT_FRAME_NS
-from colony.ir.servers import COMMON_SERVERS, PROXIMITY, RSERVER
+from colony.ir.servers import COMMON_SERVERS, PROXIMITY, RSERVER, ServerSpec
 from colony.ir.types import Value
 from colony.runs.described import DescribedRobot
+from colony.runs.ros2_devices import ros2_hardware
 from colony.runs.spec import MisuseError
 from colony.runtime.assembly.limits import limit_deployment
 from colony.runtime.assembly.processes.children import Job
@@ -183,20 +184,27 @@ def real_devices(robot: DescribedRobot) -> RobotDevices:
     hardware = {
         name: _hardware(robot, name, server)
         for name, server in body.servers.items()
-        if server.hardware is not None and not isinstance(server.simulated, CameraSpec | CeilingCameraSpec)
+        if server.is_real and not isinstance(server.simulated, CameraSpec | CeilingCameraSpec)
     }
     bases = {name for name in hardware if isinstance(body.device(name), BaseSpec)}
     common = {spec.name for spec in COMMON_SERVERS}
     return RobotDevices(
         base=_limits(body) if bases else None,
         servers=tuple(
-            spec if robot.interface is None else in_declared_units(spec, robot.interface)
-            for spec in robot.servers
-            if spec.name in hardware.keys() - bases
+            _in_units_of_driver(spec, robot) for spec in robot.servers if spec.name in hardware.keys() - bases
         ),
         hardware=hardware,
         absent=tuple(s.name for s in robot.servers if s.name not in hardware and s.name not in common),
     )
+
+
+def _in_units_of_driver(spec: ServerSpec, robot: DescribedRobot) -> ServerSpec:
+    if robot.interface is None:
+        return spec
+    server = robot.body.servers[spec.name]
+    if server.ros2:
+        return in_ros_units(spec, server, robot.interface)
+    return in_declared_units(spec, robot.interface)
 
 
 def mixed_devices(robot: DescribedRobot) -> RobotDevices:
@@ -238,7 +246,8 @@ def _limits(body: Body) -> BaseLimits:
 
 def _hardware(robot: DescribedRobot, name: str, server: ServerTable) -> HardwareDriver:
     """Return the driver of a server, whose module is searched beside the body and in the current folder."""
-    assert server.hardware is not None
+    if server.hardware is None:
+        return ros2_hardware(name, robot.body, robot.interface)
     folders = [] if robot.path is None else [str(Path(robot.path).resolve().parent)]
     where = "" if robot.path is None else f"{robot.path}: "
     return HardwareDriver(

@@ -1,0 +1,499 @@
+"""The connection to ROS 2: a bridge process, which drivers share, and a thread that reads it."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import shlex
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from colony.backoff import Backoff
+from colony.ros2.cdr import Definition, MessageError, structure
+from colony.ros2.graph import heard_problems, sent_problems
+from colony.ros2.incoming import ArrivedMessage, Incoming, SimulatedClock
+from colony.ros2.messages import STANDARD
+from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
+
+BRIDGE = Path(__file__).with_name("bridge.py")
+
+PYTHON = "/usr/bin/python3"
+"""The Python of most ROS environments."""
+
+START_S = 30.0
+"""Seconds that a bridge may take to start, on a loaded machine."""
+
+SILENT_S = 4.0
+"""Seconds without a report, which comes each second, after which a bridge is ended."""
+
+QUIET_S = 0.5
+"""Seconds without anything from a bridge after which it is asked whether it is alive."""
+
+ANSWER_S = 0.5
+"""Seconds that a bridge has to answer."""
+
+ASK_AGAIN_S = 0.5
+"""Seconds after which a stop that was not published is sent again."""
+
+FIRST_PAUSE_S = 0.1
+LONGEST_PAUSE_S = 5.0
+"""Seconds before a bridge is started again: after the first failure, and at most."""
+
+STABLE_S = 5.0
+"""Seconds that a bridge has to work before its next failure counts as a first one."""
+
+WAKE_S = 0.05
+"""Seconds between two checks of what is due."""
+
+END_S = 1.0
+"""Seconds that a bridge has to publish its last stops."""
+
+MAX_PACKET_BYTES = 1 << 20
+
+_LEFT_OUT = ("LD_LIBRARY_PATH", "_ROS_WHEELS_BOOTSTRAP_COMPLETE")
+"""Variables of our environment that must not reach another one."""
+
+_DECIDED = struct.Struct("<cHq")
+_STOP = struct.Struct("<cHI")
+_MESSAGE = struct.Struct("<cHqq")
+_ANSWER = struct.Struct("<cI")
+
+
+class BridgeError(Exception):
+    """The bridge cannot run, or has ended."""
+
+
+class FrozenError(BridgeError):
+    """The bridge does not answer."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeSettings:
+    """The node of a robot.
+
+    Attributes:
+        name: its name.
+        namespace: its namespace.
+        domain: the domain; None for that of the environment.
+        setup: the script that sets up the ROS environment; "" for none.
+        python: the Python of that environment; "" for the usual one.
+        use_sim_time: True if the time is that of the topic /clock.
+    """
+
+    name: str = "colony"
+    namespace: str = ""
+    domain: int | None = None
+    setup: str = ""
+    python: str = ""
+    use_sim_time: bool = False
+
+    def command(self, descriptor: int) -> list[str]:
+        """Return the command that starts the bridge over its end of the socket pair."""
+        if not self.setup:
+            return [self.python or PYTHON, str(BRIDGE), str(descriptor)]
+        python, bridge = shlex.quote(self.python or "python3"), shlex.quote(str(BRIDGE))
+        return ["bash", "-c", f"source {shlex.quote(self.setup)} && exec {python} {bridge} {descriptor}"]
+
+    def environment(self, given: Mapping[str, str]) -> dict[str, str]:
+        """Return the environment of the bridge; without settings, that of colony is one of ROS."""
+        is_other = self.setup or self.python or _LEFT_OUT[1] in given
+        return {k: v for k, v in given.items() if not (is_other and k in _LEFT_OUT)}
+
+
+class HeardTopic:
+    """A topic that is heard. Mutable: has what the bridge reports of it."""
+
+    def __init__(self, incoming: Incoming, type_: str, quality: str) -> None:
+        self.incoming, self.type, self.quality = incoming, type_, quality
+        self.problems: tuple[str, ...] = ()
+
+    @property
+    def problem(self) -> str | None:
+        """Why nothing usable arrives, or None."""
+        return next(iter(self.problems), None) or self.incoming.fault
+
+    def settings(self) -> Mapping[str, Any]:
+        """Return what the bridge needs to subscribe."""
+        return {"topic": self.incoming.topic, "type": self.type, "qos": self.quality}
+
+
+class CommandedTopic:
+    """A topic that is commanded. Mutable: has what the bridge reports of it, and whether its stop arrived.
+
+    Args:
+        topic: its name.
+        type_: its type, or `auto` for the one of the two twists that the subscribers expect.
+        is_stopped: True if a message of zeros is its stop; False if it stays as it was commanded last.
+        timeout_ns: the time without a decision after which the bridge stops.
+        quality: the quality of service, `reliable`, `best_effort` or `latched`.
+        alone: True to refuse to begin beside another publisher.
+        frame: the frame of stamped messages.
+    """
+
+    def __init__(
+        self,
+        topic: str,
+        type_: str,
+        *,
+        is_stopped: bool,
+        timeout_ns: int,
+        quality: str = "reliable",
+        alone: bool = False,
+        frame: str = "",
+    ) -> None:
+        self.topic, self.quality = topic, quality
+        self._settings = {
+            "topic": topic,
+            "type": type_,
+            "qos": quality,
+            "stop": is_stopped,
+            "timeout_ms": timeout_ns / 1e6,
+            "alone": alone,
+            "frame": frame,
+        }
+        self.problems: tuple[str, ...] = ()
+        self.error = f"{topic} is being discovered"
+        self.number = 0
+        self.unreached: str | None = None
+        self.asked_s: float | None = None  # while an answer is due
+        self.retry_s = 0.0
+
+    @property
+    def problem(self) -> str | None:
+        """Why commands do not arrive, or not ours alone; None if they do."""
+        return "; ".join(self.problems) or None
+
+    def settings(self) -> Mapping[str, Any]:
+        """Return what the bridge needs to publish."""
+        return self._settings
+
+
+_connections: dict[tuple[NodeSettings, Callable[[str], None]], Ros2Connection] = {}
+"""The connections of this process, by node."""
+
+_connections_lock = threading.Lock()
+
+
+def to_stderr(problem: str) -> None:
+    """Write a problem into the log of the server."""
+    print(problem, file=sys.stderr, flush=True)
+
+
+class Ros2Connection:
+    """A bridge, and its topics. Mutable; shared by its thread and those of servers."""
+
+    def __init__(self, node: NodeSettings, report: Report) -> None:
+        self._node, self._report = node, report
+        self._inputs: list[HeardTopic] = []  # both grow only
+        self._outputs: list[CommandedTopic] = []
+        self._sent = (0, 0)  # the number of each that the bridge knows
+        self._definitions: dict[str, Definition] = dict(STANDARD)
+        self._lock = threading.Lock()
+        self._socket: socket.socket | None = None
+        self._numbers = 0
+        self._heard_s = 0.0
+        self._is_up = self._is_settled = False
+        self._clock = SimulatedClock()
+        self._problem: str | None = None
+        self._problems: OnceReporter | None = None
+        self._closed = threading.Event()
+        self._drivers = 0
+        self._thread = threading.Thread(target=self._run, name="ros2", daemon=True)
+
+    @classmethod
+    def shared(cls, node: NodeSettings, report: Report = to_stderr) -> Ros2Connection:
+        """Return the connection of this process for a node; each call is ended by `close`."""
+        with _connections_lock:
+            if (found := _connections.get((node, report))) is None:
+                found = _connections[node, report] = cls(node, report)
+                found._thread.start()
+            found._drivers += 1
+            return found
+
+    # --- called by drivers ---------------------------------------------------------------------------
+
+    def hear(self, topic: str, type_: str, *, quality: str = "best_effort", frame: str = "") -> HeardTopic:
+        """Subscribe to a topic."""
+        found = HeardTopic(Incoming(topic, self._structure(type_), frame), type_, quality)
+        with self._lock:
+            self._inputs.append(found)
+        return found
+
+    def command(self, output: CommandedTopic) -> CommandedTopic:
+        """Command a topic, and return it."""
+        with self._lock:
+            self._outputs.append(output)
+        return output
+
+    def kind(self, type_: str) -> Any:
+        """Return the structure of a message; None while its definition is not known."""
+        return self._structure(type_)
+
+    @property
+    def problem(self) -> str | None:
+        """Why the bridge does not run, or time does not; None if both do."""
+        if self._problem is not None:
+            return self._problem
+        return "/clock stands still" if self.is_paused else None
+
+    @property
+    def is_paused(self) -> bool:
+        """True if the clock of the simulation stands still."""
+        return self._node.use_sim_time and self._clock.is_paused
+
+    @property
+    def is_opening(self) -> bool:
+        """True until the bridge knows the graph, unless something failed."""
+        return self._problem is None and not self._is_settled
+
+    def decide(self, output: CommandedTopic, payload: bytes) -> None:
+        """Publish a command that was decided in this frame.
+
+        Raises:
+            ConnectionError: the bridge does not run, or cannot publish.
+        """
+        connection = self._socket
+        if connection is None or self._outputs.index(output) >= self._sent[1] or output.error:
+            why = self._problem or output.error or "the bridge is starting"
+            raise ConnectionError(f"{output.topic} is not commanded: {why}")
+        with self._lock:
+            self._numbers += 1
+            output.number, output.unreached, output.asked_s = self._numbers, None, None
+        packet = _DECIDED.pack(b"d", self._outputs.index(output), time.monotonic_ns()) + payload
+        try:
+            connection.send(packet, socket.MSG_DONTWAIT)
+        except OSError as problem:
+            raise ConnectionError(f"{output.topic} is not commanded: {problem}") from None
+
+    def stop(self, output: CommandedTopic) -> None:
+        """Have the stop published; `unreached` of the output says what has become of it. Never raises."""
+        with self._lock:
+            self._numbers += 1
+            output.number = self._numbers
+            output.unreached = f"{output.topic}: the bridge has not published it"
+        self._ask(output)
+
+    def unreached(self, output: CommandedTopic) -> str | None:
+        """Return why the last stop was not published, or not yet; None if it was."""
+        why = output.unreached
+        return why if why is None else self._problem or why
+
+    def close(self) -> None:
+        """End the connection with its last driver: the bridge stops what was commanded."""
+        with _connections_lock:
+            self._drivers -= 1
+            if self._drivers > 0:
+                return
+            for key in [key for key, found in _connections.items() if found is self]:
+                del _connections[key]
+        self._closed.set()
+        self._thread.join(2 * END_S)
+
+    # --- stops ---------------------------------------------------------------------------------------
+
+    def _ask(self, output: CommandedTopic) -> None:
+        """Send the stop of an output, if the bridge knows it."""
+        connection, channel = self._socket, self._outputs.index(output)
+        if connection is None or not self._is_up or channel >= self._sent[1]:
+            return
+        output.asked_s = time.monotonic()
+        with suppress(OSError):  # the thread finds the bridge gone, or its silence
+            connection.send(_STOP.pack(b"s", channel, output.number), socket.MSG_DONTWAIT)
+
+    def _ask_again(self, now_s: float) -> None:
+        """Send stops again that were not published.
+
+        Raises:
+            BridgeError: the bridge does not answer.
+        """
+        for output in self._outputs:
+            if output.unreached is None:
+                continue
+            if output.asked_s is None and now_s >= output.retry_s:
+                self._ask(output)
+            elif output.asked_s is not None and now_s - output.asked_s > ANSWER_S:
+                raise FrozenError("the bridge did not answer, and was killed")
+
+    def _answered(self, number: int, why: str) -> None:
+        with self._lock:
+            for output in self._outputs:
+                if output.number == number:
+                    output.unreached = f"{output.topic}: {why}" if why else None
+                    output.asked_s, output.retry_s = None, time.monotonic() + ASK_AGAIN_S
+
+    # --- the thread ----------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+        while not self._closed.is_set():
+            began_s = time.monotonic()
+            try:
+                self._serve()
+            except Exception as problem:
+                self._lose(problem)
+            if time.monotonic() - began_s >= STABLE_S:
+                backoff.reset()
+            self._closed.wait(backoff.next())
+
+    def _serve(self) -> None:
+        """Start a bridge and take what it sends, until it ends, which raises, or the connection is closed."""
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with ours:
+            try:
+                bridge = self._start(theirs)
+            finally:
+                theirs.close()
+            try:
+                self._talk(ours, bridge)
+            except FrozenError:
+                bridge.kill()
+                raise
+            finally:
+                self._forget()
+                ours.close()
+                _end(bridge)
+
+    def _start(self, theirs: socket.socket) -> subprocess.Popen[bytes]:
+        if (setup := self._node.setup) and not os.path.isfile(setup):
+            raise BridgeError(f"there is no script {setup}")
+        command = self._node.command(theirs.fileno())
+        try:
+            return subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                pass_fds=[theirs.fileno()],
+                env=self._node.environment(os.environ),
+                start_new_session=True,
+            )
+        except OSError as problem:
+            raise BridgeError(f"{command[0]} cannot be started: {problem.strerror}") from None
+
+    def _talk(self, ours: socket.socket, bridge: subprocess.Popen[bytes]) -> None:
+        node = self._node
+        first = {"name": node.name, "namespace": node.namespace, "use_sim_time": node.use_sim_time}
+        self._sent = (0, 0)
+        self._send_settings(ours, {"node": {**first, "domain": node.domain}})
+        self._socket, self._heard_s = ours, time.monotonic() + START_S - SILENT_S
+        readable = select.poll()
+        readable.register(ours, select.POLLIN)
+        life_s, is_asked = self._heard_s, False
+        while not self._closed.is_set():
+            is_ready = readable.poll(WAKE_S * 1000)
+            if is_ready:
+                self._take(ours.recv(MAX_PACKET_BYTES), bridge)
+            now_s = time.monotonic()
+            if is_ready or not self._is_up:
+                life_s, is_asked = now_s, False
+            elif now_s - life_s > QUIET_S + ANSWER_S and is_asked:
+                raise FrozenError("the bridge did not answer, and was killed")
+            elif now_s - life_s > QUIET_S and not is_asked:
+                ours.send(_ANSWER.pack(b"p", 0), socket.MSG_DONTWAIT)
+                is_asked = True
+            if self._sent != (len(self._inputs), len(self._outputs)):
+                self._send_settings(ours, {})
+            if not is_ready:  # nothing that it has sent is left
+                self._ask_again(now_s)
+            if now_s - self._heard_s > SILENT_S:
+                raise BridgeError("the bridge was silent, and was ended")
+
+    def _send_settings(self, ours: socket.socket, settings: dict[str, Any]) -> None:
+        """Send settings with the topics that the bridge does not know."""
+        with self._lock:
+            inputs, outputs = self._inputs[self._sent[0] :], self._outputs[self._sent[1] :]
+            settings["in"] = [each.settings() for each in inputs]
+            settings["out"] = [each.settings() for each in outputs]
+            ours.send(b"c" + json.dumps(settings).encode())
+            self._sent = (len(self._inputs), len(self._outputs))
+
+    def _take(self, packet: bytes, bridge: subprocess.Popen[bytes]) -> None:
+        kind = packet[:1]
+        if kind == b"m":
+            _, channel, t_ns, ros_ns = _MESSAGE.unpack_from(packet)
+            self._clock.note(t_ns, ros_ns)
+            self._inputs[channel].incoming.put(ArrivedMessage(t_ns, ros_ns, packet[_MESSAGE.size :]))
+        elif kind == b"a":
+            self._answered(_ANSWER.unpack_from(packet)[1], packet[_ANSWER.size :].decode(errors="replace"))
+        elif kind == b"j":
+            self._take_report(json.loads(packet[1:]))
+        else:
+            code = bridge.wait(END_S)
+            raise BridgeError(f"the bridge has ended with the exit code {code}: its output is in this log")
+
+    def _take_report(self, report: Mapping[str, Any]) -> None:
+        if "failed" in report:
+            raise BridgeError(f"{report['python']}: {report['failed']}")
+        if "definitions" in report:
+            found = {
+                name: [(field, kind) for field, kind in of] for name, of in report["definitions"].items()
+            }
+            self._definitions |= found
+            for each in self._inputs:
+                if each.type in found:
+                    each.incoming.kind = self._structure(each.type)
+        if "graph" in report:
+            self._heard_s = time.monotonic()
+            self._clock.note(report["t_ns"], report["ros_ns"])
+            self._is_up, self._is_settled = True, report["settled"]
+            self._take_graph(report["graph"])
+            self._note_success()
+
+    def _take_graph(self, graph: Mapping[str, Any]) -> None:
+        for each, seen in zip(self._inputs, graph["in"], strict=False):
+            problems = heard_problems(seen, each.type, each.quality)
+            each.problems = tuple(problems) if self._is_settled else ()
+        for output, seen in zip(self._outputs, graph["out"], strict=False):
+            output.error = seen["error"]
+            problems = sent_problems(seen, output.quality)
+            output.problems = tuple(problems) if self._is_settled else ()
+
+    def _structure(self, type_: str) -> Any:
+        try:
+            return structure(type_, self._definitions)
+        except MessageError:  # of a type whose definition is not known yet
+            return None
+
+    def _forget(self) -> None:
+        """Forget what a bridge that ends has heard; another one is asked for all stops again."""
+        self._socket, self._is_up, self._is_settled = None, False, False
+        self._clock = SimulatedClock()
+        for each in self._inputs:
+            each.incoming.put(None)
+            each.problems = ()
+        for output in self._outputs:
+            output.problems, output.asked_s, output.retry_s = (), None, 0.0
+            output.error = f"{output.topic} is being discovered"
+
+    def _note_success(self) -> None:
+        self._problem = None
+        if self._problems is not None:
+            self._problems = None
+            self._report("the bridge to ROS 2 works again")
+
+    def _lose(self, problem: Exception) -> None:
+        """Report why the bridge has ended, once in an outage."""
+        if self._closed.is_set():
+            return
+        is_known = isinstance(problem, BridgeError)
+        text = exception_text(problem)
+        self._problem = text if is_known else f"{type(problem).__name__}: {text}"
+        self._problems = self._problems or OnceReporter(self._report)
+        full = text if is_known else failure_text("the connection to ROS 2", problem)
+        self._problems.report("", text if is_known else type(problem).__name__, full)
+
+
+def _end(bridge: subprocess.Popen[bytes]) -> None:
+    """End a bridge that has lost its connection: it publishes its last stops, unless it is frozen."""
+    with suppress(subprocess.TimeoutExpired):
+        bridge.wait(END_S)
+    bridge.kill()
+    bridge.wait()

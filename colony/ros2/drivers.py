@@ -1,0 +1,327 @@
+"""The drivers of servers over topics of ROS 2: of a base, and of devices with any fields and commands.
+
+The numbers are in the units of ROS: m, rad, s, V, A. The server of a device converts those of its fields; the
+driver of a base converts to mm and degrees. ROS has yaw 0 along x; a heading is 0 along y, north, so that
+heading = yaw - 90 degrees. Places are the same.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Mapping, Sequence, Set
+from time import monotonic_ns
+from typing import Any
+
+from colony.ir.types import ScalarValue, Value
+from colony.ros2.cdr import Structure, encode
+from colony.ros2.connection import CommandedTopic, HeardTopic, NodeSettings, Ros2Connection
+from colony.ros2.incoming import Message, part
+from colony.ros2.messages import LASER_SCAN, RANGE, TWIST, TWIST_STAMPED
+from colony.ros2.scan import Mounting, ScanReader, UnusableError, distance
+from colony.runtime.servers.drivers import BaseState, Reading
+
+TIMEOUT_NS = 250_000_000
+TIMEOUT_FRAMES = 3
+"""Time without a decision after which the bridge stops, or number of frames if that is longer."""
+
+DEFAULT_FRAME_NS = 50_000_000
+
+DEFAULT_PATHS = {LASER_SCAN: "ranges", RANGE: "range", "sensor_msgs/msg/BatteryState": "percentage"}
+"""The part of a message that a field has if the body names none; of all others it is `data`."""
+
+MM, DEG = 1000.0, 180.0 / math.pi
+
+_TWISTS = ("auto", TWIST, TWIST_STAMPED)
+_AXES = ("linear.x", "linear.y", "linear.z", "angular.x", "angular.y", "angular.z")
+_TWIST = struct.Struct("<6d")
+_DRIVE = {"velocity": "linear.x", "sideways": "linear.y", "turn": "angular.z"}
+"""Parameters of a drive, and what they are in a twist."""
+
+
+class _Driver:
+    """What the drivers of a robot have in common: one connection, and its problems. Mutable."""
+
+    def __init__(self, node: str, frame_ns: int, connection: Ros2Connection | None) -> None:
+        settings = NodeSettings(**json.loads(node))
+        self._connection = connection or Ros2Connection.shared(settings)
+        self._frame_ns = frame_ns
+        self._inputs: dict[str, HeardTopic] = {}
+        self._outputs: dict[str, CommandedTopic] = {}
+
+    def _hear(self, name: str, topic: Mapping[str, Any]) -> HeardTopic:
+        """Subscribe to the topic of a field."""
+        found = self._connection.hear(
+            topic["topic"],
+            topic["type"],
+            quality=topic.get("qos") or "best_effort",
+            frame=topic.get("frame", ""),
+        )
+        self._inputs[name] = found
+        return found
+
+    def _command(self, name: str, topic: Mapping[str, Any]) -> None:
+        """Command the topic of a command."""
+        timeout_ns = topic.get("timeout_ns") or max(TIMEOUT_NS, TIMEOUT_FRAMES * self._frame_ns)
+        found = CommandedTopic(
+            topic["topic"],
+            topic["type"],
+            timeout_ns=timeout_ns,
+            is_stopped=topic.get("stop", "zero" if topic["type"] in _TWISTS else "keep") == "zero",
+            quality=topic.get("qos") or "reliable",
+            alone=topic.get("alone", False),
+            frame=topic.get("frame", ""),
+        )
+        self._outputs[name] = self._connection.command(found)
+
+    @property
+    def problem(self) -> str | None:
+        """What is wrong with the bridge, or with the topics of this server; None if all works."""
+        if (why := self._connection.problem) is not None:
+            return why
+        ends: list[HeardTopic | CommandedTopic] = [*self._inputs.values(), *self._outputs.values()]
+        return "; ".join(dict.fromkeys(why for end in ends if (why := end.problem) is not None)) or None
+
+    @property
+    def is_opening(self) -> bool:
+        """True until the graph is known, unless something failed."""
+        return self._connection.is_opening
+
+    @property
+    def unreached(self) -> str | None:
+        """Why the last stop was not published, or not yet; None if it was."""
+        return next(filter(None, map(self._connection.unreached, self._outputs.values())), None)
+
+    def _message(self, name: str) -> Message | None:
+        """Return the newest message of a topic; None if there is none, or the clock stands still."""
+        return None if self._connection.is_paused else self._inputs[name].incoming.message()
+
+    def _stop(self) -> None:
+        for output in self._outputs.values():
+            self._connection.stop(output)
+
+    def close(self) -> None:
+        """Leave the bridge, which stops what was commanded."""
+        self._connection.close()
+
+
+# --- the base -------------------------------------------------------------------------------------
+
+
+class Ros2Base(_Driver):
+    """The driver of a base, for `RServer`: odometry, and a twist.
+
+    Args:
+        node: the settings of the node, JSON.
+        topics: the topics by field (`odom`, bumpers) and command (`drive`), JSON.
+        frame_ns: the length of the robot's frames.
+        connection: what it is heard and commanded over; by default that of the node.
+    """
+
+    register_bits: int | None = None
+
+    def __init__(
+        self,
+        node: str,
+        topics: str,
+        *,
+        frame_ns: int = DEFAULT_FRAME_NS,
+        connection: Ros2Connection | None = None,
+    ) -> None:
+        super().__init__(node, frame_ns, connection)
+        given = json.loads(topics)
+        for name, topic in given["in"].items():
+            self._hear(name, topic)
+        self._paths = {name: topic.get("path") or "data" for name, topic in given["in"].items()}
+        for name, topic in given["out"].items():
+            self._command(name, topic)
+        self._from: tuple[Message | None, ...] = ()
+        self._state: BaseState | None = None
+
+    def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> None:
+        """Drive at `velocity` mm/s ahead, `turn` deg/s counterclockwise and `sideways` mm/s to the left.
+
+        Raises:
+            ConnectionError: the bridge does not run, or the topic is not commanded.
+        """
+        if (output := self._outputs.get("drive")) is None:
+            raise ConnectionError("the body names no topic `ros2.drive`")
+        payload = _TWIST.pack(velocity / MM, sideways / MM, 0.0, 0.0, 0.0, turn / DEG)
+        self._connection.decide(output, payload)
+
+    def stop(self) -> None:
+        """Stop. Never raises."""
+        self._stop()
+
+    def state(self) -> BaseState | None:
+        """Return the newest state, the same object until the next message; None without one."""
+        messages = tuple(map(self._message, self._inputs))
+        if any(new is not old for new, old in zip(messages, self._from, strict=False)) or not self._from:
+            self._from, self._state = messages, None
+            found = dict(zip(self._inputs, messages, strict=True))
+            if "odom" in found and None not in messages:
+                try:
+                    self._state = self._read({name: m for name, m in found.items() if m is not None})
+                except UnusableError as problem:
+                    self._inputs["odom"].incoming.refuse(problem)
+        return self._state
+
+    def _read(self, found: Mapping[str, Message]) -> BaseState:
+        values = found["odom"].values
+        place, speed = part(values, "pose.pose.position"), part(values, "twist.twist.linear")
+        turn = part(values, "twist.twist.angular.z")
+        numbers = (place["x"], place["y"], speed["x"], speed["y"], turn)
+        if not all(map(math.isfinite, numbers)):
+            raise UnusableError("a number of the odometry is not finite")
+        touches = {n: bool(part(m.values, self._paths[n])) for n, m in found.items() if n != "odom"}
+        both = touches.get("bumper", False)
+        return BaseState(
+            t_ns=min(message.t_ns for message in found.values()),
+            x=place["x"] * MM,
+            y=place["y"] * MM,
+            heading=part(values, "pose.pose.orientation.heading") * DEG % 360.0,
+            front_bumper=touches.get("front_bumper", False) or both,
+            rear_bumper=touches.get("rear_bumper", False) or both,
+            speed=speed["x"] * MM,
+            turn_rate=turn * DEG,
+            wheel_speed=math.hypot(speed["x"], speed["y"]) * MM,
+            sideways_speed=speed["y"] * MM,
+        )
+
+
+# --- other devices --------------------------------------------------------------------------------
+
+
+class Ros2Device(_Driver):
+    """The driver of a server with fields and commands of topics; arguments as above."""
+
+    def __init__(
+        self,
+        node: str,
+        topics: str,
+        *,
+        frame_ns: int = DEFAULT_FRAME_NS,
+        connection: Ros2Connection | None = None,
+    ) -> None:
+        super().__init__(node, frame_ns, connection)
+        given = json.loads(topics)
+        self._fields = {name: _Field(topic, self._hear(name, topic)) for name, topic in given["in"].items()}
+        self._commands = {name: _Command(topic) for name, topic in given["out"].items()}
+        for name, topic in given["out"].items():
+            self._command(name, topic)
+        self.commands: Set[str] = self._commands.keys()
+
+    def fields(self) -> Mapping[str, Reading | None]:
+        """Return the newest reading of each field, in the units of ROS."""
+        return {name: field.read(self._message(name)) for name, field in self._fields.items()}
+
+    def command(self, name: str, values: Mapping[str, ScalarValue]) -> None:
+        """Publish a command that was decided in this frame.
+
+        Raises:
+            ConnectionError: the bridge does not run, or the topic is not commanded.
+            ValueError: the message cannot have these values.
+        """
+        command, output = self._commands[name], self._outputs[name]
+        if command.kind is None and not command.is_twist:
+            command.kind = self._connection.kind(command.type)
+        self._connection.decide(output, command.payload(values))
+
+    def safe(self) -> None:
+        """Stop what has a stop. Never raises."""
+        self._stop()
+
+
+class _Field:
+    """A field that a topic has. Mutable: its value of the newest message."""
+
+    def __init__(self, topic: Mapping[str, Any], found: HeardTopic) -> None:
+        self._incoming, self._type = found.incoming, topic["type"]
+        self._path: str = topic.get("path") or DEFAULT_PATHS.get(self._type, "data")
+        self._members: Mapping[str, float] | None = topic.get("members")
+        self._is_bool: bool = topic.get("bool", False)
+        self._is_zero_no_echo: bool = topic.get("zero") == "no_echo"
+        self._scan: ScanReader | None = None
+        if self._type == LASER_SCAN and self._path == "ranges":
+            mounting = Mounting(
+                bearing_rad=math.radians(topic.get("mounted_deg", 0.0)),
+                is_upside_down=topic.get("upside_down", False),
+                is_zero_no_echo=self._is_zero_no_echo,
+            )
+            bearings = [math.radians(bearing) for bearing in topic["bearings_deg"]]
+            self._scan = ScanReader(bearings, math.radians(topic["spacing_deg"]), mounting)
+        self._from: Message | None = None
+        self._value: Any = None
+
+    def read(self, message: Message | None) -> Reading | None:
+        """Return the reading of the newest message."""
+        if message is not self._from:
+            self._from, self._value = message, None
+            if message is not None:
+                try:
+                    self._value = self._read(message.values)
+                except UnusableError as problem:
+                    self._incoming.refuse(problem)
+        if message is None or self._value is None:
+            return None
+        return Reading(self._value, max(0, monotonic_ns() - message.t_ns))
+
+    def _read(self, values: Mapping[str, Any]) -> Value | tuple[ScalarValue | None, ...] | None:
+        if self._scan is not None:
+            return self._scan.read(values)
+        found = part(values, self._path)
+        if self._type == RANGE and self._path == "range":
+            low, high = values["min_range"], values["max_range"]
+            return distance(found, low, high, is_zero_no_echo=self._is_zero_no_echo)
+        if isinstance(found, Sequence) and not isinstance(found, str):
+            return tuple([self._scalar(each) for each in found])
+        return self._scalar(found)
+
+    def _scalar(self, found: Any) -> ScalarValue | None:
+        """Return a value of a message as one of the language; None if it is NaN."""
+        if isinstance(found, str):
+            if self._members is None or found not in self._members:
+                raise UnusableError(f'"{found[:40]}" is no member of the enum')
+            return self._members[found]
+        if found is None or isinstance(found, Mapping):
+            if found is None:
+                return None
+            raise UnusableError(f"`{self._path}` is a message; name one of its fields")
+        if self._is_bool:
+            return bool(found)
+        return None if found != found else float(found)
+
+
+class _Command:
+    """A command that a topic takes. Mutable: learns the definition of its message, whose type is `type`."""
+
+    def __init__(self, topic: Mapping[str, Any]) -> None:
+        self.type: str = topic["type"]
+        self.kind: Structure | None = None
+        self._parameters: Mapping[str, str] = topic.get("parameters") or {}
+        self._texts = {number: name for name, number in (topic.get("members") or {}).items()}
+        self.is_twist = self.type in _TWISTS
+
+    def payload(self, values: Mapping[str, ScalarValue]) -> bytes:
+        """Return the payload of a command.
+
+        Raises:
+            ValueError: the message cannot have these values.
+        """
+        if self.is_twist:
+            axes = {self._parameters.get(name, _DRIVE.get(name, name)): v for name, v in values.items()}
+            if unknown := axes.keys() - set(_AXES):
+                raise ValueError(f"a twist has no `{min(unknown)}`")
+            return _TWIST.pack(*[float(axes.get(axis, 0.0)) for axis in _AXES])
+        if self.kind is None:
+            raise ConnectionError(f"the definition of `{self.type}` is not known yet")
+        message: dict[str, Any] = {}
+        for name, value in values.items():
+            path = self._parameters.get(name) or ("data" if len(values) == 1 else name)
+            *steps, last = path.split(".")
+            inner = message
+            for step in steps:
+                inner = inner.setdefault(step, {})
+            inner[last] = self._texts.get(float(value), "") if self._texts else value
+        return encode(self.kind, message)

@@ -1,0 +1,93 @@
+"""A robot whose body is topics alone, and a behavior that drives it in its room."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+INTERFACE = """
+language 1
+
+enum work { manual = 0, automatic = 1 }
+
+robot burger {
+  frame    50 ms
+  sensor   ranges[72] : m   bearing -180 deg step 5 deg  range 0 .. 12  from Lidar.scan  within 300 ms
+  sensor   x : m                                    from RServer.x      within 300 ms
+  sensor   battery : percent                        from Battery.charge within 3 s
+  sensor   estop : bool                             from Panel.estop    within 3 s
+  sensor   mode : work                              from Panel.mode     within 3 s
+  actuator drive { velocity : m/s range -0.2 .. 0.2, turn : rad/s range -1.5 .. 1.5 }
+           to RServer.drive    idle drive(velocity = 0, turn = 0)
+  actuator lamp { level : percent range 0 .. 100 }  to Panel.lamp       idle lamp(level = 0)
+}
+"""
+
+BODY = """
+[robot]
+name = "burger"
+
+[body]
+footprint = { shape = "circle", radius = "110 mm" }
+drive     = { kind = "differential", wheel_base = "160 mm" }
+
+[body.limits]
+velocity          = "0.22 m/s"
+turn              = "2.8 rad/s"
+acceleration      = "1 m/s^2"
+turn_acceleration = "6 rad/s^2"
+
+[ros2]
+python = "PYTHON"
+
+[server.RServer]
+ros2.odom  = { topic = "odom", type = "nav_msgs/msg/Odometry" }
+ros2.drive = { topic = "cmd_vel", type = "auto", alone = true }
+
+[server.Lidar]
+fields.scan = { no_echo = "12 m", invalid = "hold" }
+ros2.scan   = { topic = "scan", type = "sensor_msgs/msg/LaserScan", frame = "laser" }
+
+[server.Battery]
+ros2.charge = { topic = "battery", type = "sensor_msgs/msg/BatteryState" }
+
+[server.Panel]
+ros2.estop = { topic = "estop", type = "std_msgs/msg/Bool" }
+ros2.mode  = { topic = "mode", type = "std_msgs/msg/String" }
+ros2.lamp  = { topic = "lamp", type = "std_msgs/msg/Float64", unit = "number", stop = "zero" }
+"""
+
+BEHAVIOR = """
+language 1
+import robot
+
+let is_clear = min(ranges[-30 deg .. 30 deg]) >= 0.6 m
+let is_on    = battery > 20 percent and mode == work.automatic
+
+module ahead { when is_on and is_clear  do drive(velocity = 0.2 m/s, turn = 0) }
+module avoid { when not is_clear        do drive(velocity = 0, turn = 1 rad/s) }
+module halt  { when estop               do drive(velocity = 0, turn = 0) }
+module shine { when x > 0.5 m           do lamp(level = 50 percent) }
+network {
+  drive = halt suppresses (avoid suppresses ahead)
+  lamp = shine
+}
+contract clear: not is_clear implies drive.velocity <= 0 m/s
+"""
+
+OTHERS = {
+    "battery": ["sensor_msgs/msg/BatteryState", {"percentage": 0.75}, "reliable"],
+    "estop": ["std_msgs/msg/Bool", {"data": False}, "reliable"],
+    "mode": ["std_msgs/msg/String", {"data": "automatic"}, "reliable"],
+}
+"""Topics of the foreign robot, besides scan and odometry."""
+
+
+def write(folder: Path, python: Path) -> Path:
+    """Write the robot and the behavior into a folder, and return the path of the behavior."""
+    robot = folder / "robots" / "burger"
+    robot.mkdir(parents=True)
+    (robot / "burger.colony").write_text(INTERFACE)
+    (robot / "burger.toml").write_text(BODY.replace("PYTHON", str(python)))
+    program = folder / "roam.colony"
+    program.write_text(BEHAVIOR)
+    return program

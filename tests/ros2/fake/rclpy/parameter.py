@@ -1,0 +1,2 @@
+def Parameter(name, value=None):  # noqa: N802
+    return name, value

@@ -1,0 +1,2 @@
+def serialize_message(message) -> bytes:
+    return b"zero"
