@@ -56,7 +56,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "mujoco": {"sim"},
     "cv2": {"vision"},
     "PIL": {"vision", "sim", "nav"},
-    "yaml": {"nav"},
+    "yaml": {"nav", "cli"},
     "dask": set(),
     "distributed": set(),
     "matplotlib": {"view"},

@@ -23,7 +23,7 @@ from tests.paths import ROOT
 from tests.waiting import killed_in_the_end, until
 
 SOURCES = ROOT / "colony"
-EXIT_CODES = {"M": 2, "F": 2, "R": 1, "B": 1, "P": 1, "T": 1, "C": 2, "A": 2, "V": 1}
+EXIT_CODES = {"M": 2, "F": 2, "R": 1, "B": 1, "X": 1, "P": 1, "T": 1, "C": 2, "A": 2, "V": 1}
 """What the page says at the beginning of each part; where there are only warnings it is 0."""
 MISUSE = {"V040", "V041", "V042", "B001"}
 """What keeps behaviors from being compared at all, or a file from being read."""

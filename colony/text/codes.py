@@ -2,9 +2,9 @@
 
 Codes are stable: a code keeps its meaning, and a retired code is not reused. `docs/errors.md` describes
 when each occurs and how to fix it. M is about maps, F about the frames of a trace, R about binding a program
-to a robot, P about modules written in Python, T about failed tests, C about compiled programs, A about
-recordings to be audited, V about results of proofs, B about the bodies of robots. Those of the front end are
-in `colony.dsl.errors`.
+to a robot, X about configurations of twist_mux, P about modules written in Python, T about failed tests, C
+about compiled programs, A about recordings to be audited, V about results of proofs, B about the bodies of
+robots. Those of the front end are in `colony.dsl.errors`.
 """
 
 from __future__ import annotations
@@ -83,6 +83,8 @@ CODES: dict[str, str] = {
     "B018": "nothing in the interface reads a part of the body",
     "B019": "nothing stops a device when its computer fails",
     "B020": "a driver does not exist, or does not have an option or command",
+    "X001": "the file is no configuration of twist_mux",
+    "X002": "a source or a lock of twist_mux cannot be converted",
     "P001": "a class in Python cannot be imported and built",
     "P002": "a module in Python is not deterministic",
     "T001": "an expectation is false",
