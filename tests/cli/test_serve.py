@@ -109,7 +109,7 @@ def test_a_run_ends_when_the_whole_robot_stays_away(
     machine: Machine, served: Started, tmp_path: Path
 ) -> None:
     (tmp_path / "sitecustomize.py").write_text(
-        "from colony.runtime.assembly.processes import clock_watch\nclock_watch.GIVE_UP_AFTER_S = 2.0\n"
+        "from colony.runtime.assembly.processes import window\nwindow.GIVE_UP_AFTER_S = 2.0\n"
     )
     machine.environment["PYTHONPATH"] += f":{tmp_path}"
     run = machine.start("drive", WANDER)
