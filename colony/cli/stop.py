@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,12 @@ if TYPE_CHECKING:
     from colony.runtime.kit.connection import Session
 
 
+INSIST_S = 10.0
+"""Seconds for which a stop is sent again and again to servers that have not answered.
+
+They may be frozen, or be started again just now, and would drive on afterwards.
+"""
+
 BASE_SERVERS = frozenset({"RServer", "Clock", "Leader", "Simulator", "Supervisor"})
 """Servers whose presence means that there is a base to stop, even while RServer itself is down.
 
@@ -41,6 +48,8 @@ def command(robot: str | None, release: bool, connect: str | None, security: Pat
     The stop goes to every server that moves hardware, ahead of all other calls, and to the Clock, which saves
     it to a file and repeats it in every frame. It overrides every program and connection, and survives the
     death of any process. Programs keep running, and drive again after the release.
+
+    What does not answer is sent the stop for 10 s more: it may be frozen, or be started again just now.
 
     Exit code: 0 if the Clock has saved the stop and every running server that moves hardware has acknowledged
     it; 1 if not (the robot may have stopped anyway); 2 if the robot does not exist or cannot be reached. With
@@ -105,6 +114,12 @@ def _stop(name: str, session: Session) -> bool:
 
     with StopButton(session, name="colony stop") as button:
         pressed = button.press()
+        if pressed.unanswered:
+            problems = "; ".join(pressed.problems.values())
+            say(f"{name}: {problems}; pressing on for {INSIST_S:g} s (Ctrl-C gives up)")
+        until = time.monotonic() + INSIST_S
+        while pressed.unanswered and time.monotonic() < until:
+            pressed = button.press()
     for problem in pressed.problems.values():
         say(f"{name}: error: {problem}")
     if pressed.acknowledged:

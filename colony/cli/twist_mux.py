@@ -263,8 +263,8 @@ def behavior_text(mux: TwistMux, name: str) -> str:
         condition = " and ".join((f"{lock.name}_is_on", *above))
         parts.append(f"contract stands_under_{lock.name}:\n  {condition}\n  implies {stands}")
     for lower in mux.sources[1:]:
-        above = [each for each in mux.sources if each.priority > lower.priority]
-        sends = " or ".join(f"{each.name}_sends" for each in above)
+        higher = [each for each in mux.sources if each.priority > lower.priority]
+        sends = " or ".join(f"{each.name}_sends" for each in higher)
         parts.append(f"contract {lower.name}_waits:\n  {sends} implies not (drive by {lower.name})")
     return "\n".join(parts) + "\n"
 

@@ -123,6 +123,32 @@ def test_a_run_ends_when_the_whole_robot_stays_away(
 
 
 @pytest.mark.long
+def test_a_stop_is_pressed_until_those_that_were_frozen_have_it(machine: Machine, served: Started) -> None:
+    frozen = children_of(served.pid)
+    for pid in frozen:
+        os.kill(pid, signal.SIGSTOP)
+    try:
+        stop = machine.start("stop", "--robot", ROBOT)
+        until(lambda: "pressing on for 10 s" in stop.err or stop.ended(), "the stop is pressed on")
+    finally:
+        for pid in frozen:
+            os.kill(pid, signal.SIGCONT)
+    assert stop.wait() == 0, stop.err
+    assert "acknowledged by Clock, RServer, DServer" in stop.out
+
+
+@pytest.mark.long
+def test_a_stop_waits_for_the_successors_of_those_that_have_just_died(
+    machine: Machine, served: Started
+) -> None:
+    for pid in children_of(served.pid):
+        os.kill(pid, signal.SIGKILL)
+    stop = machine.start("stop", "--robot", ROBOT)
+    assert stop.wait() == 0, stop.err
+    assert "Clock" in stop.out
+
+
+@pytest.mark.long
 def test_a_run_goes_on_when_the_robot_comes_back(machine: Machine, served: Started) -> None:
     run = machine.start("drive", WANDER)
     _has_begun(machine, run)

@@ -45,10 +45,14 @@ Any other server that is up gets the stop, and may answer that it has none, too.
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopReport:
-    """The result of an emergency stop: the servers that acknowledged it, and the problems of the others."""
+    """The result of an emergency stop: the servers that acknowledged it, and the problems of the others.
+
+    `unanswered` are those among them that have not answered; a Clock that is down is one.
+    """
 
     acknowledged: tuple[str, ...]
     problems: Mapping[str, str]
+    unanswered: tuple[str, ...] = ()
 
     @property
     def kept(self) -> bool:
@@ -78,8 +82,9 @@ class StopButton:
     def press(self) -> StopReport:
         """Stop the robot, and wait until every actuator server that is up has acknowledged it.
 
-        The servers of every robot are sent the stop first, then servers of users. The successor of a server
-        that ends before it has acknowledged is waited for.
+        The servers of every robot are sent the stop first, then servers of users. The Clock, and the
+        successor of a server that ends before it has acknowledged, are waited for while the button waits.
+        What is in `unanswered` has not got this stop, and never will: press again.
 
         Raises:
             CallRefusedError: this user may not stop the robot.
@@ -116,12 +121,14 @@ class StopButton:
     ) -> StopReport:
         """Wait for the answers; a server of `present` that ends before its answer may be started again."""
         answers: dict[str, Outcome] = {}
-        while self._unanswered(answers, present) and (left_s := due - time.monotonic()) > 0.0:
+        while (missing := self._unanswered(answers, present | {CLOCK})) and (
+            left_s := due - time.monotonic()
+        ) > 0.0:
             try:
                 server, outcome = outcomes.get(timeout=min(left_s, RESEND_INTERVAL_S))
                 answers[server] = outcome
             except Empty:
-                for server in self._unanswered(answers, present):
+                for server in missing:
                     self._channels[server].resend(pending_calls[server])
         problems: dict[str, str] = {}
         acknowledged: list[str] = []
@@ -137,7 +144,8 @@ class StopButton:
             problems[server] = f"{server} did not acknowledge the stop in {self._timeout_s:g} s"
         if CLOCK not in answers and CLOCK not in problems:
             problems[CLOCK] = "the Clock is down, so a server that restarts will not know of the stop"
-        return StopReport(acknowledged=tuple(acknowledged), problems=problems)
+        unanswered = tuple(server for server in problems if server not in answers)
+        return StopReport(acknowledged=tuple(acknowledged), problems=problems, unanswered=unanswered)
 
     def _open(self, server: str) -> None:
         channel = self._session.hub.channel(server, name=self._name, priority=0, notify=lambda _: None)
