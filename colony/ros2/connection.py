@@ -37,7 +37,10 @@ SILENT_S = 4.0
 """Seconds without a report, which comes each second, after which a bridge is ended."""
 
 QUIET_S = 0.5
-"""Seconds without anything from a bridge after which it is asked whether it is alive."""
+"""Seconds without an answer of the thread that publishes after which it is asked whether it is alive."""
+
+BUSY_S = 0.25
+"""Seconds between two checks of what it has to answer, while messages keep coming."""
 
 ANSWER_S = 0.5
 """Seconds that a bridge has to answer."""
@@ -201,7 +204,7 @@ class Ros2Connection:
         self._lock = threading.Lock()
         self._socket: socket.socket | None = None
         self._numbers = 0
-        self._heard_s = 0.0
+        self._heard_s = self._life_s = 0.0
         self._is_up = self._is_settled = False
         self._clock = SimulatedClock()
         self._problem: str | None = None
@@ -386,22 +389,28 @@ class Ros2Connection:
         self._socket, self._heard_s = ours, time.monotonic() + START_S - SILENT_S
         readable = select.poll()
         readable.register(ours, select.POLLIN)
-        life_s, is_asked = self._heard_s, False
+        self._life_s = looped_s = read_s = time.monotonic()
+        pinged_s: float | None = None
         while not self._closed.is_set():
             is_ready = readable.poll(WAKE_S * 1000)
             if is_ready:
                 self._take(ours.recv(MAX_PACKET_BYTES), bridge)
             now_s = time.monotonic()
-            if is_ready or not self._is_up:
-                life_s, is_asked = now_s, False
-            elif now_s - life_s > QUIET_S + ANSWER_S and is_asked:
+            if now_s - looped_s > ANSWER_S or not self._is_up:  # this process was frozen: its mail is old
+                self._life_s = read_s = now_s
+                pinged_s = None
+            looped_s = now_s
+            if pinged_s is not None and self._life_s > pinged_s:
+                pinged_s = None
+            if pinged_s is not None and now_s - pinged_s > ANSWER_S:
                 raise FrozenError("the bridge did not answer, and was killed")
-            elif now_s - life_s > QUIET_S and not is_asked:
+            if pinged_s is None and now_s - self._life_s > QUIET_S:  # messages come from another thread of it
                 ours.send(_ANSWER.pack(b"p", 0), socket.MSG_DONTWAIT)
-                is_asked = True
+                pinged_s = now_s
             if self._sent != (len(self._inputs), len(self._outputs)):
                 self._send_settings(ours, {})
-            if not is_ready:  # nothing that it has sent is left
+            if not is_ready or now_s - read_s > BUSY_S:  # what it had answered by then is read
+                read_s = now_s
                 self._ask_again(now_s)
             if now_s - self._heard_s > SILENT_S:
                 raise BridgeError("the bridge was silent, and was ended")
@@ -422,6 +431,7 @@ class Ros2Connection:
             self._clock.note(t_ns, ros_ns)
             self._inputs[channel].incoming.put(ArrivedMessage(t_ns, ros_ns, packet[_MESSAGE.size :]))
         elif kind == b"a":
+            self._life_s = time.monotonic()
             self._answered(_ANSWER.unpack_from(packet)[1], packet[_ANSWER.size :].decode(errors="replace"))
         elif kind == b"j":
             self._take_report(json.loads(packet[1:]))
