@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -221,6 +222,14 @@ def test_a_class_name_is_used_once_and_a_file_can_be_read_in_one_sitting() -> No
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 classes.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
     assert not {name: paths for name, paths in classes.items() if len(paths) > 1}
+
+
+def test_a_docstring_names_files_that_are_there() -> None:
+    parts = (ROOT, ROOT.parent / "tests")
+    files = {f"/{path.relative_to(ROOT.parent)}" for part in parts for path in part.rglob("*.py")}
+    for path in ROOT.rglob("*.py"):
+        for name in re.findall(r"`([\w/]+\.py)`", path.read_text()):
+            assert any(file.endswith(f"/{name}") for file in files) or "NAME" in name, (path, name)
 
 
 PROCESSES: tuple[tuple[str, str, set[str]], ...] = (

@@ -25,6 +25,7 @@ The payload of a twist is its six doubles: the bridge makes the type of them tha
 
 from __future__ import annotations
 
+import errno
 import importlib
 import json
 import os
@@ -48,6 +49,7 @@ SETTLED_NS = 1_000_000_000
 FLUSH_S = 0.05
 FAREWELL_S = 0.5
 GHOST_NS = 30_000_000_000
+MAX_LISTED = 50  # publishers or subscribers of a topic in a report, which has to fit into a packet
 MAX_BYTES = 1 << 20
 
 DECIDED = struct.Struct("<cHq")
@@ -142,8 +144,8 @@ class OutputTopic:
         return {
             "name": name,
             "type": active[1] if active else "",
-            "publishers": publishers,
-            "subscribers": subscribers,
+            "publishers": publishers[:MAX_LISTED],
+            "subscribers": subscribers[:MAX_LISTED],
             "error": self.error,
         }
 
@@ -330,8 +332,15 @@ class Bridge:
         def heard(data: bytes) -> None:
             now = time.monotonic_ns()
             packet = MESSAGE.pack(b"m", channel, now, clock.now().nanoseconds) + data
-            with suppress(OSError):  # colony does not read: the message is lost
+            try:
                 pipe.send(packet, socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
+            except OSError as problem:  # colony does not read: the message is lost
+                if problem.errno == errno.EMSGSIZE:
+                    topic = self.inputs[channel][0]
+                    error = (
+                        f"{topic}: a message of {len(data)} bytes is larger than the pipe to colony carries"
+                    )
+                    self.inputs[channel] = (topic, error)
 
         return heard
 
@@ -349,7 +358,7 @@ class Bridge:
         for topic, error in self.inputs:
             name = node.resolve_topic_name(topic)
             publishers = describe(node.get_publishers_info_by_topic(name))
-            heard.append({"name": name, "publishers": publishers, "error": error})
+            heard.append({"name": name, "publishers": publishers[:MAX_LISTED], "error": error})
         now_ns = time.monotonic_ns()
         age_ns = now_ns - self.began_ns
         self.report(

@@ -1,1 +1,1 @@
-"""Runs of whole robots: what they are asked for, and in a simulated building; missions."""
+"""Runs of whole robots: settings, runs in a simulated building, missions."""

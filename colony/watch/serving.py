@@ -127,7 +127,7 @@ def _hexadecimal(address: tuple[str, int]) -> str:
 #
 # The protection against other pages and other users: Host, Origin, a token, and what a page may load.
 #
-# `peers.py` refuses connections of other users.
+# `peer_of` refuses connections of other users.
 #
 # The token is in the fragment of the page's address, which browsers do not send. The page itself is public,
 # and has no data; it gets all of them through its WebSocket. There server and page prove to each other that

@@ -31,7 +31,18 @@ def test_the_bridge_runs_on_old_pythons_without_colony() -> None:
     tree = ast.parse(BRIDGE.read_text(), feature_version=(3, 8))
     names = {name.partition(".")[0] for node in ast.walk(tree) for name in imported(node)}
     assert names <= {
-        *("__future__", "collections", "contextlib", "importlib", "json", "os", "select", "signal", "socket"),
+        *(
+            "__future__",
+            "collections",
+            "contextlib",
+            "errno",
+            "importlib",
+            "json",
+            "os",
+            "select",
+            "signal",
+            "socket",
+        ),
         *("struct", "sys", "threading", "time", "typing", "rclpy"),
     }
 

@@ -47,7 +47,7 @@ LAYOUTS: dict[str, Places] = {
 
 MS = 1_000_000
 LEASE_NS = 250 * MS
-"""Time after which a server or client counts as lost, as `frames/liveness.py` has it."""
+"""Time after which a server or client counts as lost, as `frames/registry.py` has it."""
 
 RATES = FaultRates(lost=0.01, duplicated=0.01, late=0.01, reordered=0.03)
 

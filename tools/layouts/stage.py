@@ -351,7 +351,7 @@ class Stage:
     # --- calls -----------------------------------------------------------------------------------------
 
     def _lead_again(self) -> None:
-        """Deploy the program to servers that were restarted, as `deploying.py` does."""
+        """Deploy the program to servers that were restarted, as `processes/run.py` does."""
         restarted, self.restarted = self.restarted, []
         for part in restarted:
             server = name_of(part)

@@ -1,4 +1,4 @@
-"""The base of a robot."""
+"""Descriptions of actuators: the base, joints, outputs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Laser scanners."""
+"""Descriptions of rangers and of cameras."""
 
 from __future__ import annotations
 

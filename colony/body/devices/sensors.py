@@ -1,4 +1,4 @@
-"""Batteries."""
+"""Descriptions of sensors that are no rangers: battery, bumper, buttons, compass and others."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ one. So exactly one of the commands requested in a frame is dispatched, once:
   waits in it. After twice the deadline a message is too old to be waited for.
 - Two commands in one frame are a violation: it is recorded, and the higher priority wins.
 - Connections from outside the network, locks and the emergency stop are `Interventions`. A command from
-  outside is held to the bounds of its frame (`frame_bounds.py`), which its decision waits for, until the
+  outside is held to the bounds of its frame (`ballot.py`), which its decision waits for, until the
   deadline at most.
 
 `ballot.py` contains the rule, `Arbiter` the protocol around it: ticks, requests and times in, events out.

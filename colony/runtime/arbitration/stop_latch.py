@@ -9,7 +9,7 @@ stop from frames:
     a stop received at t is over once a release at r >= t is known, and only then
 
 A file that cannot be read counts as a stop: a robot that may have been stopped must not drive on because of a
-bad disk. `stop_file.py` describes the file.
+bad disk. `StopFile` describes the file.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ lost its memory irrecoverably, and when the observer stepped over a frame that n
 number is never used twice: a Clock derives its first number from the time at which it starts, one number per
 `FRAME_NUMBER_NS`, and frames are never closer together than that.
 
-A restarted Clock goes on with the epoch (`resumption.py`). The numbers between the last frame of the old
+A restarted Clock goes on with the epoch (`registry.py`). The numbers between the last frame of the old
 Clock and its own first frame of the run are a gap, which its ticks list while nodes may be behind. If no node
 knows the epoch, a new one begins.
 

@@ -13,9 +13,9 @@ command sent. If the network did not decide alone, the actuator also has `fault`
 that were late, lost, refused or overruled, `@outside` with the connection outside the network that commanded
 (and `@unlimited` if the limits of the program did not hold for it), or `@held_by` with the reason of a hold.
 Broken contracts are not written, because they follow from the rest. `@python` has the answers of modules in
-Python (`answers.py`). `@shadow` is true in each line of a program in the shadow of a robot, which sent
+Python (`json_text.py`). `@shadow` is true in each line of a program in the shadow of a robot, which sent
 nothing. `@sum` is the CRC-32 of everything before it, and `@keyframe`, in a line at least every half second,
-the memory from which a reader resumes after a damaged line (`keyframes.py`). Beside it, `@params` has the
+the memory from which a reader resumes after a damaged line (`json_text.py`). Beside it, `@params` has the
 params that a site set (`site.py`).
 
 MCAP recordings (`mcap_writer.py`) contain more.

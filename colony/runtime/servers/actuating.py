@@ -1,7 +1,7 @@
 """The actuators of a server: the program or the connections that command them, the stop, and the watchdog.
 
 A server hands its messages to `CommandedActuators`. What connections command is the server's: values of its
-commands (`outside_commands.py`), or motions of the base, for which RServer changes how its actuator comes to
+commands (`outside_control.py`), or motions of the base, for which RServer changes how its actuator comes to
 rest (`rserver.py`).
 
 Frames belong to a run. In frames of the deployed run, the program's clients and connections are arbitrated.

@@ -1,6 +1,6 @@
 """Control of actuators by connections outside the network: who may command, until when, and the lock.
 
-RServer's motions (`piloting.py`) and the values that all other servers take (`outside_commands.py`) are under
+RServer's motions (`piloting.py`) and the values that all other servers take (`OutsideCommands`) are under
 the same rules, and these are here: priorities without ties, leases, the lock, the emergency stop, the end of
 a connection, and the end of a run whose limits held its command. A connection's priority and lease are those
 of one actuator; the lock is that of the server.

@@ -17,7 +17,7 @@ releases the reserve, checkpoints the log into the database, and retries the com
 can be kept. From then on the store is `full`, until there is space for the reserve again. A file size limit
 or a quota counts as a full disk.
 
-Damage. An empty or damaged file is quarantined (`quarantine.py`), and the store starts empty; the store
+Damage. An empty or damaged file is quarantined, and the store starts empty; the store
 reports that, and DServer keeps reporting it. An empty file counts as damaged because the store never creates
 one: it fills a new database under another name first. A file that is not DServer's, or is from a later
 version, is refused and left unchanged.

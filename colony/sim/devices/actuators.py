@@ -1,4 +1,4 @@
-"""Outputs, which stay as they are set."""
+"""Simulated actuators: joints, and outputs that stay as they are set."""
 
 from __future__ import annotations
 

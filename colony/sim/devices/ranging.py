@@ -1,4 +1,4 @@
-"""Laser scanners."""
+"""Simulated rangers: laser scanners and range sensors."""
 
 from __future__ import annotations
 

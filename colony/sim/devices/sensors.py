@@ -1,4 +1,4 @@
-"""The charge of a battery, which standing and driving use up and a charger fills."""
+"""Simulated sensors that are no rangers: battery, bumper, buttons, compass, inertial unit and others."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 With several actuators one may be idle, because its client is late or its server is down, while others act.
 So each proved contract is proved once more in a system in which any actuators may be idle in any frame, and
 with `on_loss degrade` any clients may be lost; then in one in which, besides, connections outside the
-network command any actuators, within their bounds (`symbolic/disturbing.py`).
+network command any actuators, within their bounds (`symbolic/encode.py`).
 
 Most of these proofs are cheap: one frame, from the contract as it was proved, invariants that are known by
 then, and contracts that were proved under the same disturbance. Memory of the program does not depend on what

@@ -1,6 +1,6 @@
 """The conditions on which an answer rests, each with the values that decided it.
 
-A condition is data: `causes_text.py` and `changes_text.py` make sentences of it. Times are in nanoseconds, on
+A condition is data: `text.py` makes sentences of it. Times are in nanoseconds, on
 the clock of the frames; None where the run does not show it.
 """
 

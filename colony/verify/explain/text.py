@@ -1,4 +1,4 @@
-"""Explanations as lines of text; `causes_text.py` and `changes_text.py` make the sentences of conditions."""
+"""Explanations as lines of text, and the sentences of causes and of changes."""
 
 from __future__ import annotations
 

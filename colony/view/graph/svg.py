@@ -1,4 +1,4 @@
-"""The picture of a network as SVG, laid out by `svg.py`: no other program is needed to draw it.
+"""The picture of a network as SVG, with a layout of its own: no other program is needed to draw it.
 
 A picture for a page, `to_live_svg`, leaves the colors to the page's style sheet, and names what it shows:
 modules have `data-module`, nodes and references `data-node`, and wires `data-from` and `data-to` (indices of

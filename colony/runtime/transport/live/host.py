@@ -8,11 +8,11 @@ Nodes of one host hand their messages to each other in memory (`exchange.py`); o
 listens to is encoded and sent. Three kinds of threads use the nodes, each node one thread at a time:
 
 - The thread of `run` takes what is due from the exchange, and otherwise a message from the inbox, into which
-  the network threads put bytes (`reception.py`, `inbox.py`, `message_queue.py`). It never waits for room on a
+  the network threads put bytes (`reception.py`, `inbox.py`). It never waits for room on a
   link: a message that does not fit is dropped, and its receiver continues without it or fetches it. A frozen
   process therefore delays nobody else.
-- The acknowledging thread commits what nodes store, and sends what may wait (`acknowledging.py`).
-- Emergency stops have a thread for each server (`stop_lane.py`). It hands a stop to a node as soon as the
+- The acknowledging thread commits what nodes store, and sends what may wait (`inbox.py`).
+- Emergency stops have a thread for each server (`reception.py`). It hands a stop to a node as soon as the
   node finishes its current message, ahead of everything that waits.
 """
 

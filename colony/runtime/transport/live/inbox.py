@@ -31,7 +31,7 @@ from colony.runtime.transport.exchange import Exchange, Member
 #
 # Calls made with the `stop` right go first, then frame messages in order of arrival, then all other calls,
 # by the priority of their connections, then in order of arrival (thesis section 4.3). Emergency stops do
-# not wait here; they have their own lane (`stop_lane.py`).
+# not wait here; they have their own lane (`reception.py`).
 #
 # The queue is bounded. When a connection calls faster than it is served, its excess calls are refused. When
 # the calls of all connections exceed the byte limit, the oldest calls of the connection with the most bytes

@@ -7,7 +7,7 @@ users choose neither the priority of a message nor whether it may wait: its key 
 
 Nothing here limits the rate of messages. Zenoh's `downsampling` allows no bursts: of simultaneous calls of
 one user it would drop all but one, and drop them again when they are retried, again simultaneously. Servers
-count messages instead (`rate_limits.py`).
+count messages instead (`RateLimits`).
 """
 
 from __future__ import annotations
@@ -95,8 +95,8 @@ class Meter:
 # The keys of all messages from clients contain the user, and the gateway ties these keys to certificates.
 # Messages are therefore counted before they are decoded, which costs far less. Processes on this machine
 # share one user and are not counted, because they would share one rate; the limit on queued calls restrains
-# a program that calls without end (`message_queue.py`). Their messages with the `stop` right are counted by
-# connection, because the queue of these messages (`stop_lane.py`) has no limit per connection.
+# a program that calls without end (`inbox.py`). Their messages with the `stop` right are counted by
+# connection, because the queue of these messages (`reception.py`) has no limit per connection.
 
 
 CALL_RATE = Rate(per_s=2000.0, burst=1000.0)
