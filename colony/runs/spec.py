@@ -71,7 +71,7 @@ class RunSpec:
         physics: what moves the robot: our simulator, or MuJoCo.
         realtime: True to run in virtual time no faster than the wall clock.
         record: the file of the recording; None for no recording.
-        isolate: True to run each client in its own process; for runs in several processes.
+        isolate: True to run each server in its own process, and the clients in another one.
         fsync: True to make DServer's data survive a power failure; for runs in several processes.
         origin: the room where the route begins; None for no route.
         goal: the room where the route ends; None for no route.
