@@ -238,12 +238,12 @@ def test_the_largest_batches_of_clients_get_through_and_are_counted_by_their_mes
 def _send_until_heard(box: Outbox, batch: list[SendMessage], node: Recorder) -> None:
     """Send a batch again where a busy machine dropped it, as it may drop any message of a frame."""
     heard = len(node.got) + len(batch)
-    for _ in range(20):
+    for _ in range(3):
         box.send_all(batch, 0)
         with suppress(AssertionError):
-            until(lambda: len(node.got) >= heard, "all of the batch is heard", patience_s=10.0)
+            until(lambda: len(node.got) >= heard, "all of the batch is heard", patience_s=60.0)
             break
-    assert len(node.got) >= heard  # more where a batch was heard late, and again
+    assert len(node.got) == heard
 
 
 def _asks(k: int, client: str) -> Request:
