@@ -209,7 +209,7 @@ def _command(*arguments: str) -> str:
     )
 
 
-MAX_LINES = 610
+MAX_LINES = 600
 """Lines of a file that one sitting can read."""
 
 

@@ -11,15 +11,13 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
+from colony.dsl.syntax_errors import RESERVED
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error, in_order, note
 from colony.text.source import Source, Span
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
 TOPIC = re.compile(r"[~/A-Za-z_][A-Za-z0-9_/{}~]{0,250}")
-RESERVED = frozenset(
-    "and or not implies if then else in is by suppresses inhibits true false missing idle last restarted "
-    "frame_period drive fastest fastest_turn".split()
-)
+TAKEN = RESERVED | {"idle", "last", "restarted", "frame_period", "drive", "fastest", "fastest_turn"}
 """Names that a source or lock cannot have in a behavior."""
 
 MAX_ENTRIES = 100
@@ -161,7 +159,7 @@ class _Reader:
         if timeout_s == 0.0:
             self.notes.append(self._endless(name, kind, self.span(timeout)))
         return MuxInput(
-            name=f"{name}_input" if name in RESERVED else name,
+            name=f"{name}_input" if name in TAKEN else name,
             topic=self._topic(values["topic"]),
             timeout_s=timeout_s,
             priority=int(level),

@@ -56,9 +56,6 @@ def digest_of(programs: Sequence[Compiled], maps: Iterable[StrPath]) -> str:
     return digest.hexdigest()
 
 
-# --- results -------------------------------------------------------------------------------------------
-
-
 # --- rows ---------------------------------------------------------------------------------------------
 #
 # Results as rows of a table, whose columns follow from the fields of the class.

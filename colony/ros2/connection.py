@@ -79,6 +79,9 @@ class BridgeError(Exception):
 class FrozenError(BridgeError):
     """The bridge does not answer."""
 
+    def __init__(self) -> None:
+        super().__init__("the bridge did not answer, and was killed")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NodeSettings:
@@ -204,7 +207,7 @@ class Ros2Connection:
         self._lock = threading.Lock()
         self._socket: socket.socket | None = None
         self._numbers = 0
-        self._heard_s = self._life_s = 0.0
+        self._heard_s = self._life_s = self._pinged_s = 0.0
         self._is_up = self._is_settled = False
         self._clock = SimulatedClock()
         self._problem: str | None = None
@@ -227,7 +230,7 @@ class Ros2Connection:
 
     def hear(self, topic: str, type_: str, *, quality: str = "best_effort", frame: str = "") -> HeardTopic:
         """Subscribe to a topic."""
-        found = HeardTopic(Incoming(topic, self._structure(type_), frame), type_, quality)
+        found = HeardTopic(Incoming(topic, self.structure(type_), frame), type_, quality)
         with self._lock:
             self._inputs.append(found)
         return found
@@ -238,9 +241,12 @@ class Ros2Connection:
             self._outputs.append(output)
         return output
 
-    def kind(self, type_: str) -> Any:
+    def structure(self, type_: str) -> Any:
         """Return the structure of a message; None while its definition is not known."""
-        return self._structure(type_)
+        try:
+            return structure(type_, self._definitions)
+        except MessageError:
+            return None
 
     @property
     def problem(self) -> str | None:
@@ -325,7 +331,7 @@ class Ros2Connection:
             if output.asked_s is None and now_s >= output.retry_s:
                 self._ask(output)
             elif output.asked_s is not None and now_s - output.asked_s > ANSWER_S:
-                raise FrozenError("the bridge did not answer, and was killed")
+                raise FrozenError
 
     def _answered(self, number: int, why: str) -> None:
         with self._lock:
@@ -390,7 +396,6 @@ class Ros2Connection:
         readable = select.poll()
         readable.register(ours, select.POLLIN)
         self._life_s = looped_s = read_s = time.monotonic()
-        pinged_s: float | None = None
         while not self._closed.is_set():
             is_ready = readable.poll(WAKE_S * 1000)
             if is_ready:
@@ -398,15 +403,8 @@ class Ros2Connection:
             now_s = time.monotonic()
             if now_s - looped_s > ANSWER_S or not self._is_up:  # this process was frozen: its mail is old
                 self._life_s = read_s = now_s
-                pinged_s = None
             looped_s = now_s
-            if pinged_s is not None and self._life_s > pinged_s:
-                pinged_s = None
-            if pinged_s is not None and now_s - pinged_s > ANSWER_S:
-                raise FrozenError("the bridge did not answer, and was killed")
-            if pinged_s is None and now_s - self._life_s > QUIET_S:  # messages come from another thread of it
-                ours.send(_ANSWER.pack(b"p", 0), socket.MSG_DONTWAIT)
-                pinged_s = now_s
+            self._check_life(ours, now_s)
             if self._sent != (len(self._inputs), len(self._outputs)):
                 self._send_settings(ours, {})
             if not is_ready or now_s - read_s > BUSY_S:  # what it had answered by then is read
@@ -414,6 +412,19 @@ class Ros2Connection:
                 self._ask_again(now_s)
             if now_s - self._heard_s > SILENT_S:
                 raise BridgeError("the bridge was silent, and was ended")
+
+    def _check_life(self, ours: socket.socket, now_s: float) -> None:
+        """Ask whether the thread that publishes is alive: messages come from another thread.
+
+        Raises:
+            FrozenError: it does not answer.
+        """
+        if self._pinged_s > self._life_s:
+            if now_s - self._pinged_s > ANSWER_S:
+                raise FrozenError
+        elif now_s - self._life_s > QUIET_S:
+            ours.send(_ANSWER.pack(b"p", 0), socket.MSG_DONTWAIT)
+            self._pinged_s = now_s
 
     def _send_settings(self, ours: socket.socket, settings: dict[str, Any]) -> None:
         """Send settings with the topics that the bridge does not know."""
@@ -449,7 +460,7 @@ class Ros2Connection:
             self._definitions |= found
             for each in self._inputs:
                 if each.type in found:
-                    each.incoming.kind = self._structure(each.type)
+                    each.incoming.kind = self.structure(each.type)
         if "graph" in report:
             self._heard_s = time.monotonic()
             self._clock.note(report["t_ns"], report["ros_ns"])
@@ -465,12 +476,6 @@ class Ros2Connection:
             output.error = seen["error"]
             problems = sent_problems(seen, output.quality)
             output.problems = tuple(problems) if self._is_settled else ()
-
-    def _structure(self, type_: str) -> Any:
-        try:
-            return structure(type_, self._definitions)
-        except MessageError:  # of a type whose definition is not known yet
-            return None
 
     def _forget(self) -> None:
         """Forget what a bridge that ends has heard; another one is asked for all stops again."""

@@ -225,7 +225,7 @@ class Ros2Device(_Driver):
         """
         command, output = self._commands[name], self._outputs[name]
         if command.kind is None and not command.is_twist:
-            command.kind = self._connection.kind(command.type)
+            command.kind = self._connection.structure(command.type)
         self._connection.decide(output, command.payload(values))
 
     def safe(self) -> None:

@@ -32,9 +32,6 @@ from colony.files import keep_in_cache, read_from_cache, user_cache
 from colony.watch.viewer import MAX_REQUEST_BYTES, Viewer
 from colony.watch.watched import Watched
 
-# --- serving -------------------------------------------------------------------------------------------
-
-
 # --- shown ---------------------------------------------------------------------------------------------
 #
 # The run that pages show, and its successors.

@@ -206,7 +206,7 @@ def test_the_type_is_the_one_that_subscribers_expect(robot: Robot) -> None:
     until(lambda: robot.published, "it drives")
     _, type_, data = robot.published[0]
     assert type_ == TWIST_STAMPED
-    found = decode(connection.kind(TWIST_STAMPED), data)
+    found = decode(connection.structure(TWIST_STAMPED), data)
     assert found["twist"]["linear"]["x"] == 0.5
     assert found["header"]["frame_id"] == "base_link"
     assert abs(found["header"]["stamp"]["sec"] - time.time()) < 60.0

@@ -45,7 +45,7 @@ class Stage:
     def command(self, output: CommandedTopic) -> CommandedTopic:
         return output
 
-    def kind(self, type_: str) -> Any:
+    def structure(self, type_: str) -> Any:
         return structure(type_, STANDARD)
 
     def decide(self, output: CommandedTopic, payload: bytes) -> None:

@@ -269,9 +269,6 @@ def _references(node: ast.SyntaxNode) -> Iterator[ast.Reference]:
             work += [getattr(part, f.name) for f in fields(part)]  # type: ignore[arg-type]
 
 
-# --- site values ---------------------------------------------------------------------------------------
-
-
 # --- site labels --------------------------------------------------------------------------------------
 #
 # Labels on the errors that a program has only because of the values that a site sets.

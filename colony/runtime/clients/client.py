@@ -124,9 +124,6 @@ class Announcer(QuietNode):
             yield SendMessage(topics.announcements(DSERVER.name), announcement)
 
 
-# --- client --------------------------------------------------------------------------------------------
-
-
 # --- memory --------------------------------------------------------------------------------------------
 #
 # Encoding of a client's memory for checkpoints: msgpack, checked on decoding.

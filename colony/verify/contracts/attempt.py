@@ -218,9 +218,6 @@ def _operand(term: z3.ExprRef, room: int) -> str:
     return f"({text})" if " " in text and not text.startswith("not ") and term.num_args() > 1 else text
 
 
-# --- attempt -------------------------------------------------------------------------------------------
-
-
 # --- proof context ------------------------------------------------------------------------------------
 #
 # The context of proofs: one encoding of a program, and the contracts proved in it so far.
