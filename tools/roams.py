@@ -36,7 +36,7 @@ from colony.sim.world.world import World
 from tests.paths import MAPS, ROOT
 from tools.roam_watch import LARGEST_HOLE_MM, Case, Roam, Watcher
 
-ROBOTS = {"rome": "wander", "amr": "wander", "omni": "wander", "pioneer": "wander", "create2": "bounce"}
+ROBOTS = dict.fromkeys(("rome", "amr", "omni", "pioneer", "turtlebot"), "wander") | {"create2": "bounce"}
 """The robots, and what each of them runs."""
 
 FLOORS = ("loop.stickrep", "atrium.stickrep", "narrow.stickrep", "office.yaml")

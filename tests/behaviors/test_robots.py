@@ -24,8 +24,10 @@ from tests.behaviors.test_behaviors import random_frames
 from tests.paths import ROBOTS, ROOT
 
 PORTABLE = ("wander", "teleop", "follow_wall")
-SEEING = ("amr", "omni", "pioneer", "rome")
+SEEING = ("amr", "omni", "pioneer", "rome", "turtlebot")
 """The robots that see far enough for those."""
+SLOW = ("turtlebot",)
+"""The robots that are slower than behaviors for any robot want to drive."""
 PAIRS = [*product(PORTABLE, SEEING), *product(("bounce",), ("create2", "rome"))]
 ON_ONE_ROBOT = sorted((Path(__file__).parent / "on").glob("*.colony"))
 
@@ -57,7 +59,8 @@ def test_its_examples_hold(behavior: str, robot: str) -> None:
 def test_its_contracts_are_proved_and_nothing_is_said_of_its_modules(behavior: str, robot: str) -> None:
     program = program_of(behavior, robot)
     assert [r.contract.name for r in prove_contracts(program) if not isinstance(r, Proved | OverReals)] == []
-    assert lint(program) == ()
+    expected = {"V025"} if robot in SLOW else set()  # their speeds are clamped to its range
+    assert {finding.diagnostic.code for finding in lint(program)} <= expected
 
 
 @each_pair

@@ -16,7 +16,7 @@ from tests.waiting import until
 DRIVING = [f for f in sorted((ROOT / "behaviors").glob("*.colony")) if "\nnetwork {" in f.read_text()]
 SETTINGS = {"teleop": ("--set", "TeleopVelocity=200")}
 SEED = 1
-ON_OTHERS = {"amr": "wander", "omni": "wander", "pioneer": "wander", "create2": "bounce"}
+ON_OTHERS = dict.fromkeys(("amr", "omni", "pioneer", "turtlebot"), "wander") | {"create2": "bounce"}
 """What the other robots drive, by their names."""
 FAR_ENOUGH_MM = 200.0
 

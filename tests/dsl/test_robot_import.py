@@ -170,7 +170,7 @@ def test_a_robot_may_have_a_folder_of_its_own(project: Path) -> None:
         assert [path for path, _ in program.files] == ["robots/amr/amr.colony", "go.colony"]
     assert message(check_file("go.colony"))[1] == (
         'give --robot NAME, or write `robot = "NAME"` in colony.toml; '
-        "robots that come with colony: amr, create2, omni, pioneer, rome; in `robots`: amr, cart"
+        "robots that come with colony: amr, create2, omni, pioneer, rome, turtlebot; in `robots`: amr, cart"
     )
     (project / "robots" / "rome").mkdir()  # without a description: that of colony is used
     assert robot_of(load_file("go.colony", robot="rome")) == "rome"
@@ -211,7 +211,9 @@ def message(checked: Checked) -> tuple[str, str | None]:
 
 
 def test_no_robot_is_chosen(project: Path) -> None:
-    lists = "robots that come with colony: amr, create2, omni, pioneer, rome; in `robots`: amr, cart"
+    lists = (
+        "robots that come with colony: amr, create2, omni, pioneer, rome, turtlebot; in `robots`: amr, cart"
+    )
     how = 'give --robot NAME, or write `robot = "NAME"` in colony.toml'
     assert message(check_file("go.colony")) == ("no robot is chosen for this program", f"{how}; {lists}")
     assert message(check_text(GO))[1] == f"give `robot=`; {lists}"
