@@ -26,7 +26,7 @@ from colony.body.devices import (
 )
 from colony.body.model import Body, ServerTable
 from colony.body.reader import BodyFile
-from colony.body.ros2 import AUTO, TWIST, TWIST_STAMPED, is_scan
+from colony.body.ros2 import DRIVE, ODOM, Ros2Topic, is_scan, parameter_path, path_of
 from colony.body.servers import servers_of
 from colony.ir.bearings import LIST_STEP, TURN, between
 from colony.ir.fitting import (
@@ -37,10 +37,11 @@ from colony.ir.fitting import (
     shared_commands,
 )
 from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
+from colony.ir.ros2_messages import AUTO, AXES, TWIST, TWIST_STAMPED, TWISTS, part_problem
 from colony.ir.servers import FieldSpec, ServerSpec
 from colony.ir.types import DISTANCE, Array, Quantity, bearings_of, element_type, is_percent
 from colony.text.diagnostics import Diagnostic, Label, error, warning
-from colony.text.wording import counted, degrees_text, did_you_mean, duration_text
+from colony.text.wording import counted, degrees_text, did_you_mean, duration_text, quoted
 
 _SAME_WITHIN_DEG = 1e-6
 """The angle between bearings that count as equal: a text in radians is rounded."""
@@ -397,13 +398,17 @@ def _range(actuator: Actuator, field: ActuatorField, limit: float, file: BodyFil
 def _topics(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
     """Yield an error for each topic of ROS 2 that cannot be what the interface declares."""
     sensors = {(s.server, s.field): s for s in reversed(robot.sensors) if s.sent is None}
-    commands = {(a.server, a.command) for a in robot.actuators}
+    commands = {(a.server, a.command): a for a in robot.actuators}
     for name, server in body.servers.items():
-        if isinstance(body.device(name), BaseSpec):
-            continue
+        is_base = isinstance(body.device(name), BaseSpec)
         for key, topic in server.ros2.items():
             keys, sensor = ("server", name, "ros2", key), sensors.get((name, key))
-            is_command = (name, key) in commands
+            command = commands.get((name, key))
+            is_command = command is not None
+            if is_base:
+                if key not in (DRIVE, ODOM):
+                    yield from _part(topic, file, keys)
+                continue
             if sensor is None and not is_command:
                 message = f"nothing in the interface reads or commands `{name}.{key}`"
                 yield warning("B018", file.key(*keys), message)
@@ -420,6 +425,35 @@ def _topics(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
                 hint = "declare them: `bearing -180 deg step 1 deg`"
                 declared = Label(sensor.span, "declared here")
                 yield error("B014", file.value(*keys, "type"), message, hint, declared)
+            elif command is not None:
+                yield from _set_parts(topic, command, file, keys)
+            else:
+                yield from _part(topic, file, keys)
+
+
+def _part(topic: Ros2Topic, file: BodyFile, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
+    """Yield an error for a field whose message has no such part, as far as its type is known here."""
+    if (problem := part_problem(topic.type, path_of(topic))) is not None:
+        hint = None if topic.path else 'name the part of the message: `path = "..."`'
+        yield error("B009", file.value(*keys, "path" if topic.path else "type"), problem, hint)
+
+
+def _set_parts(
+    topic: Ros2Topic, command: Actuator, file: BodyFile, keys: tuple[str, ...]
+) -> Iterator[Diagnostic]:
+    """Yield an error for each parameter of a command for which the message has no part."""
+    for parameter in command.fields:
+        path = parameter_path(topic, parameter.name)
+        if topic.type in TWISTS:
+            problem = None if path in AXES else f"a twist has no `{path}`: it has {quoted(AXES)}"
+        elif len(command.fields) == 1 and parameter.name not in topic.parameters:
+            problem = part_problem(topic.type, "data", is_sent=True)
+        else:
+            problem = part_problem(topic.type, path, is_sent=True)
+        if problem is not None:
+            where = file.value(*keys, "parameters", parameter.name) if topic.parameters else file.key(*keys)
+            hint = f'name the part of the message: `parameters = {{ {parameter.name} = "..." }}`'
+            yield error("B009", where, problem, hint, Label(parameter.span, "declared here"))
 
 
 def _unread(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:

@@ -378,6 +378,11 @@ class Body:
             return OmnidirectionalBase() if isinstance(self.chassis.drive, Omnidirectional) else BaseSpec()
         return found
 
+    @property
+    def base(self) -> ServerTable | None:
+        """The table of the server that has the base; None if none has."""
+        return next((s for name, s in self.servers.items() if isinstance(self.device(name), BaseSpec)), None)
+
     def camera(self, server: str) -> CameraSpec:
         """Return the level camera of a server.
 

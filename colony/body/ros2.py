@@ -20,6 +20,19 @@ from colony.body.kinds import (
     WordKind,
     entry,
 )
+from colony.ir.ros2_messages import (
+    AUTO,
+    BATTERY_STATE,
+    DEFAULT_PATHS,
+    DRIVE_PATHS,
+    IMU,
+    LASER_SCAN,
+    ODOMETRY,
+    RANGE,
+    TWIST,
+    TWIST_STAMPED,
+    TWISTS,
+)
 from colony.text.units import NUMBER, TIME, Unit, UnitError, parse_unit
 
 _TOPIC = r"[~/]?[A-Za-z_]\w*(?:/\w+)*"
@@ -27,16 +40,13 @@ _STEP = r"\w+(?:\[\d+\])?"
 _PATH = TextKind(rf"{_STEP}(?:\.{_STEP})*", "a path such as `status.level` or `axes[1]`")
 _FILE = TextKind(r"[^\0\n]+", "a path")
 
-TWIST, TWIST_STAMPED, AUTO = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped", "auto"
-LASER_SCAN = "sensor_msgs/msg/LaserScan"
-RANGE = "sensor_msgs/msg/Range"
 MAX_DOMAIN = 232
 
-DRIVE, ODOMETRY = "drive", "odom"
-BASE_NAMES = (DRIVE, ODOMETRY, "bumper", "front_bumper", "rear_bumper")
+DRIVE, ODOM = "drive", "odom"
+BASE_NAMES = (DRIVE, ODOM, "bumper", "front_bumper", "rear_bumper")
 """The topics that `RServer` has: the twist that it commands, its odometry, and what touches it."""
 
-BASE_TYPES = {DRIVE: (AUTO, TWIST, TWIST_STAMPED), ODOMETRY: ("nav_msgs/msg/Odometry",)}
+BASE_TYPES = {DRIVE: TWISTS, ODOM: (ODOMETRY,)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +54,7 @@ class Ros2Node:
     """The node by which a robot takes part in ROS 2."""
 
     name: str = entry(
-        "name", TextKind(NAME, "a name"), "the name of the node [default: colony]", default="colony"
+        "name", TextKind(NAME, "a name"), "the name of the node [default: that of the robot]", default=""
     )
     namespace: str = entry("namespace", TextKind(r"(?:/?\w+)*", "a namespace"), "its namespace", default="")
     domain: int | None = entry(
@@ -147,19 +157,19 @@ UNITS: Mapping[str, tuple[tuple[str, str], ...]] = {
     AUTO: _TWIST_UNITS,
     TWIST: _TWIST_UNITS,
     TWIST_STAMPED: _within("twist", _TWIST_UNITS),
-    "nav_msgs/msg/Odometry": (
+    ODOMETRY: (
         ("pose.pose.position", "m"),
         ("pose.pose.orientation", "rad"),
         *_within("twist.twist", _TWIST_UNITS),
     ),
     "geometry_msgs/msg/PointStamped": (("point", "m"),),
     "geometry_msgs/msg/PoseStamped": (("pose.position", "m"), ("pose.orientation", "rad")),
-    "sensor_msgs/msg/Imu": (
+    IMU: (
         ("orientation", "rad"),
         ("angular_velocity", "rad/s"),
         ("linear_acceleration", "m/s^2"),
     ),
-    "sensor_msgs/msg/BatteryState": (
+    BATTERY_STATE: (
         ("voltage", "V"),
         ("temperature", "degC"),
         ("current", "A"),
@@ -173,12 +183,6 @@ UNITS: Mapping[str, tuple[tuple[str, str], ...]] = {
     "sensor_msgs/msg/Temperature": (("temperature", "degC"),),
 }
 """The units of the parts of standard messages, each by how its path begins."""
-
-DEFAULT_PATHS = {LASER_SCAN: "ranges", RANGE: "range", "sensor_msgs/msg/BatteryState": "percentage"}
-"""The part of a message that a field has if the body names none; of all others it is `data`."""
-
-DRIVE_PATHS = {"velocity": "linear.x", "sideways": "linear.y", "turn": "angular.z"}
-"""The parts of a twist that parameters of these names set."""
 
 
 def path_of(topic: Ros2Topic) -> str:

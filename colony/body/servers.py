@@ -7,9 +7,10 @@ from dataclasses import replace
 
 from colony.body.devices import Device, Directed
 from colony.body.model import Body, ServerTable
-from colony.body.ros2 import AUTO, Ros2Topic, is_scan, parameter_path, path_of, unit_of
+from colony.body.ros2 import Ros2Topic, is_scan, parameter_path, path_of, unit_of
 from colony.ir.bearings import between
 from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
+from colony.ir.ros2_messages import AUTO
 from colony.ir.servers import COMMON_SERVERS, CommandSpec, FieldSpec, ParameterSpec, ServerSpec
 from colony.ir.types import Array, Bool, Enum, Quantity, Scalar, Type, bearings_of, element_type, in_shape_of
 from colony.text.units import Unit

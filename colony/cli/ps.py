@@ -97,7 +97,7 @@ def _lines(state: RobotState) -> Iterator[str]:
         yield from (f"  {line}" for line in _run(state.run, _priorities(state)))
         yield from (f"  {line}" for line in _processes(state.run, {s.server for s in state.servers}))
     elif state.participants is not None:
-        yield f"  no program runs{_resident(state.participants)}; frame {state.participants.k}"
+        yield f"  no program runs{_resident(state, state.participants)}; frame {state.participants.k}"
     connections = [(s.server, c) for s in state.servers for c in s.connections]
     if connections:
         yield "  connections"
@@ -192,15 +192,20 @@ def _run(run: RunStatus, priorities: dict[str, int]) -> Iterator[str]:
     yield from _table(rows)
 
 
-def _resident(participants: Participants) -> str:
+def _resident(state: RobotState, participants: Participants) -> str:
     """Return what is to say about the limits that hold without a program."""
+    from colony.ir.servers import RSERVER
     from colony.runtime.protocol.deployment import LIMITS_RUN
 
     if participants.run != LIMITS_RUN:
         return ""
+    arbitrations = {RSERVER.name: state.arbitration, **state.actuators}
+    idle = [name for name, of in arbitrations.items() if of is not None and of.leader is None]
     lost = [client.client for client in participants.clients if not client.lives]
-    missing = f"; LOST: {', '.join(lost)}, so nobody drives" if lost else ""
-    return f", but the limits of {participants.program} hold{missing}"
+    text = f", but the limits of {participants.program} hold"
+    if idle:
+        text += f"; NOT at {', '.join(idle)}, so nothing is commanded there"
+    return text + (f"; LOST: {', '.join(lost)}, so nobody drives" if lost else "")
 
 
 def _processes(run: RunStatus, servers: set[str]) -> Iterator[str]:

@@ -18,7 +18,7 @@ Packets to the bridge, by their first byte:
 Packets from the bridge:
     m  a message: channel, time of arrival (CLOCK_MONOTONIC in ns), ROS time then (ns), CDR
     a  the answer: number, then the reason why the stop was not published; empty if it was
-    j  a report in JSON
+    j  a report in JSON: the ends of its topics; in a survey, also those of each topic of the graph
 
 The payload of a twist is its six doubles: the bridge makes the type of them that the subscribers expect.
 """
@@ -51,6 +51,7 @@ FAREWELL_S = 0.5
 GHOST_NS = 30_000_000_000
 MAX_LISTED = 50  # publishers or subscribers of a topic in a report, which has to fit into a packet
 MAX_BYTES = 1 << 20
+HISTORY_DEPTH = 100  # messages of one topic that several nodes keep, such as /tf_static
 
 DECIDED = struct.Struct("<cHq")
 STOP = struct.Struct("<cHI")
@@ -61,7 +62,7 @@ CDR = b"\x00\x01\x00\x00"
 TWIST = "geometry_msgs/msg/Twist"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
 TWISTS = (TWIST, TWIST_STAMPED)
-BEST_EFFORT, LATCHED = "best_effort", "latched"
+BEST_EFFORT, LATCHED, HISTORY = "best_effort", "latched", "history"
 
 
 def interface(name: str) -> Any:
@@ -88,12 +89,12 @@ def definitions(name: str, found: dict[str, Any]) -> dict[str, Any]:
 
 
 def profile(quality: str) -> Any:
-    """Return the quality of service of a topic: depth 1."""
+    """Return the quality of service of a topic; its depth is 1 but for a history."""
     from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-    best, latched = quality == BEST_EFFORT, quality == LATCHED
+    best, latched = quality == BEST_EFFORT, quality in (LATCHED, HISTORY)
     return QoSProfile(
-        depth=1,
+        depth=HISTORY_DEPTH if quality == HISTORY else 1,
         reliability=ReliabilityPolicy.BEST_EFFORT if best else ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
@@ -120,20 +121,15 @@ class OutputTopic:
         self.decided_ns: int | None = None
         self.stops_left = 0
         self.next_stop_ns = 0
+        self.older: set[bytes] = set()  # the publishers of this node's name that were there before its own
 
     # --- the executor's thread ----------------------------------------------------------------------
 
     def look(self, node: Any, age_ns: int) -> dict[str, Any]:
-        """Create the publisher, or one of another type; return what the graph shows of the topic.
-
-        The graph keeps the publisher of a bridge that was killed for a while, which has the name of this one.
-        """
+        """Create the publisher, or one of another type; return what the graph shows of the topic."""
         name = node.resolve_topic_name(self.topic)
-        publishers = describe(node.get_publishers_info_by_topic(name))
-        own = [node.get_name(), node.get_namespace()]
-        mine = [each for each in publishers if each[:2] == own]
-        for each in mine if age_ns < GHOST_NS else mine[:1]:
-            publishers.remove(each)
+        own = (node.get_name(), node.get_namespace())
+        publishers = describe(self.others(node.get_publishers_info_by_topic(name), own, age_ns))
         subscribers = describe(node.get_subscriptions_info_by_topic(name))
         try:
             expected = [each[2] for each in subscribers]
@@ -148,6 +144,19 @@ class OutputTopic:
             "subscribers": subscribers[:MAX_LISTED],
             "error": self.error,
         }
+
+    def others(self, infos: Iterable[Any], own: tuple[str, str], age_ns: int) -> list[Any]:
+        """Return the publishers that are not this one, nor that of a bridge that was killed.
+
+        The graph keeps the latter for a while. It has the name of this node, and was there before.
+        """
+        infos = list(infos)
+        same = [gid_of(info) for info in infos if (info.node_name, info.node_namespace) == own]
+        if self.active is None:
+            self.older.update(same)
+        ours = {gid for gid in same if gid in self.older and age_ns < GHOST_NS}
+        ours.update([gid for gid in same if gid not in self.older][:1])
+        return [info for info in infos if gid_of(info) not in ours]
 
     def choose(
         self, node: Any, name: str, publishers: list[Any], expected: list[str], is_settled: bool
@@ -239,6 +248,11 @@ class OutputTopic:
             self.halt(now_ns)
 
 
+def gid_of(info: Any) -> bytes:
+    """Return the identifier of an end of a topic."""
+    return bytes(info.endpoint_gid)
+
+
 def describe(infos: Iterable[Any]) -> list[list[Any]]:
     """Return node, namespace, type, and whether reliable and latched, of the ends of a topic."""
     from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
@@ -272,8 +286,10 @@ class Bridge:
         given = settings["node"]
         rclpy.init(args=[], domain_id=given.get("domain"), signal_handler_options=SignalHandlerOptions.NO)
         simulated = Parameter("use_sim_time", value=bool(given.get("use_sim_time")))
+        self.surveys = bool(given.get("survey"))
+        silent = {"enable_rosout": False, "start_parameter_services": False} if self.surveys else {}
         self.node = rclpy.create_node(
-            given["name"], namespace=given.get("namespace") or None, parameter_overrides=[simulated]
+            given["name"], namespace=given.get("namespace") or None, parameter_overrides=[simulated], **silent
         )
         self.pipe = pipe
         self.inputs: list[tuple[str, str]] = []  # settings, and why there is no subscription
@@ -367,6 +383,12 @@ class Bridge:
             t_ns=now_ns,
             ros_ns=node.get_clock().now().nanoseconds,
         )
+
+        for name, types in node.get_topic_names_and_types() if self.surveys else ():
+            publishers = describe(node.get_publishers_info_by_topic(name))
+            subscribers = describe(node.get_subscriptions_info_by_topic(name))
+            ends = {"publishers": publishers[:MAX_LISTED], "subscribers": subscribers[:MAX_LISTED]}
+            self.report(topic={"name": name, "types": types, **ends})
 
     def report(self, **what: Any) -> None:
         """Send a report."""

@@ -19,10 +19,10 @@ from pathlib import Path
 from typing import Any
 
 from colony.backoff import Backoff
+from colony.ir.ros2_messages import STANDARD
 from colony.ros2.cdr import Definition, MessageError, structure
 from colony.ros2.graph import heard_problems, sent_problems
 from colony.ros2.incoming import ArrivedMessage, Incoming, SimulatedClock
-from colony.ros2.messages import STANDARD
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
 
 BRIDGE = Path(__file__).with_name("bridge.py")
@@ -94,6 +94,7 @@ class NodeSettings:
         setup: the script that sets up the ROS environment; "" for none.
         python: the Python of that environment; "" for the usual one.
         use_sim_time: True if the time is that of the topic /clock.
+        survey: True to hear of all topics of the graph.
     """
 
     name: str = "colony"
@@ -102,6 +103,7 @@ class NodeSettings:
     setup: str = ""
     python: str = ""
     use_sim_time: bool = False
+    survey: bool = False
 
     def command(self, descriptor: int) -> list[str]:
         """Return the command that starts the bridge over its end of the socket pair."""
@@ -210,6 +212,8 @@ class Ros2Connection:
         self._heard_s = self._life_s = self._pinged_s = 0.0
         self._is_up = self._is_settled = False
         self._clock = SimulatedClock()
+        self.topics: dict[str, Mapping[str, Any]] = {}
+        """What a survey has found of each topic: its `types`, `publishers` and `subscribers`."""
         self._problem: str | None = None
         self._problems: OnceReporter | None = None
         self._closed = threading.Event()
@@ -228,9 +232,17 @@ class Ros2Connection:
 
     # --- called by drivers ---------------------------------------------------------------------------
 
-    def hear(self, topic: str, type_: str, *, quality: str = "best_effort", frame: str = "") -> HeardTopic:
-        """Subscribe to a topic."""
-        found = HeardTopic(Incoming(topic, self.structure(type_), frame), type_, quality)
+    def hear(
+        self,
+        topic: str,
+        type_: str,
+        *,
+        quality: str = "best_effort",
+        frame: str = "",
+        incoming: type[Incoming] = Incoming,
+    ) -> HeardTopic:
+        """Subscribe to a topic, whose messages an `incoming` takes."""
+        found = HeardTopic(incoming(topic, self.structure(type_), frame), type_, quality)
         with self._lock:
             self._inputs.append(found)
         return found
@@ -390,6 +402,7 @@ class Ros2Connection:
     def _talk(self, ours: socket.socket, bridge: subprocess.Popen[bytes]) -> None:
         node = self._node
         first = {"name": node.name, "namespace": node.namespace, "use_sim_time": node.use_sim_time}
+        first["survey"] = node.survey
         self._sent = (0, 0)
         self._send_settings(ours, {"node": {**first, "domain": node.domain}})
         self._socket, self._heard_s = ours, time.monotonic() + START_S - SILENT_S
@@ -461,6 +474,8 @@ class Ros2Connection:
             for each in self._inputs:
                 if each.type in found:
                     each.incoming.kind = self.structure(each.type)
+        if "topic" in report:
+            self.topics[report["topic"]["name"]] = report["topic"]
         if "graph" in report:
             self._heard_s = time.monotonic()
             self._clock.note(report["t_ns"], report["ros_ns"])

@@ -14,11 +14,11 @@ from collections.abc import Mapping, Sequence, Set
 from time import monotonic_ns
 from typing import Any
 
+from colony.ir.ros2_messages import AXES, DEFAULT_PATHS, DRIVE_PATHS, LASER_SCAN, RANGE, TWISTS
 from colony.ir.types import ScalarValue, Value
 from colony.ros2.cdr import Structure, encode
 from colony.ros2.connection import CommandedTopic, HeardTopic, NodeSettings, Ros2Connection
 from colony.ros2.incoming import Message, part
-from colony.ros2.messages import LASER_SCAN, RANGE, TWIST, TWIST_STAMPED
 from colony.ros2.scan import Mounting, ScanReader, UnusableError, distance
 from colony.runtime.servers.drivers import BaseState, Reading
 
@@ -28,16 +28,9 @@ TIMEOUT_FRAMES = 3
 
 DEFAULT_FRAME_NS = 50_000_000
 
-DEFAULT_PATHS = {LASER_SCAN: "ranges", RANGE: "range", "sensor_msgs/msg/BatteryState": "percentage"}
-"""The part of a message that a field has if the body names none; of all others it is `data`."""
-
 MM, DEG = 1000.0, 180.0 / math.pi
 
-_TWISTS = ("auto", TWIST, TWIST_STAMPED)
-_AXES = ("linear.x", "linear.y", "linear.z", "angular.x", "angular.y", "angular.z")
 _TWIST = struct.Struct("<6d")
-_DRIVE = {"velocity": "linear.x", "sideways": "linear.y", "turn": "angular.z"}
-"""Parameters of a drive, and what they are in a twist."""
 
 
 class _Driver:
@@ -68,7 +61,7 @@ class _Driver:
             topic["topic"],
             topic["type"],
             timeout_ns=timeout_ns,
-            is_stopped=topic.get("stop", "zero" if topic["type"] in _TWISTS else "keep") == "zero",
+            is_stopped=topic.get("stop", "zero" if topic["type"] in TWISTS else "keep") == "zero",
             quality=topic.get("qos") or "reliable",
             alone=topic.get("alone", False),
             frame=topic.get("frame", ""),
@@ -138,6 +131,7 @@ class Ros2Base(_Driver):
             self._command(name, topic)
         self._from: tuple[Message | None, ...] = ()
         self._state: BaseState | None = None
+        self._rests = False
 
     def drive(self, velocity: float, turn: float, sideways: float = 0.0) -> None:
         """Drive at `velocity` mm/s ahead, `turn` deg/s counterclockwise and `sideways` mm/s to the left.
@@ -147,12 +141,19 @@ class Ros2Base(_Driver):
         """
         if (output := self._outputs.get("drive")) is None:
             raise ConnectionError("the body names no topic `ros2.drive`")
+        self._rests = False
         payload = _TWIST.pack(velocity / MM, sideways / MM, 0.0, 0.0, 0.0, turn / DEG)
         self._connection.decide(output, payload)
 
     def stop(self) -> None:
         """Stop. Never raises."""
+        self._rests = True
         self._stop()
+
+    def rest(self) -> None:
+        """Stop once, and then publish nothing until the next command, so that other nodes may drive."""
+        if not self._rests:
+            self.stop()
 
     def state(self) -> BaseState | None:
         """Return the newest state, the same object until the next message; None without one."""
@@ -301,7 +302,7 @@ class _Command:
         self.kind: Structure | None = None
         self._parameters: Mapping[str, str] = topic.get("parameters") or {}
         self._texts = {number: name for name, number in (topic.get("members") or {}).items()}
-        self.is_twist = self.type in _TWISTS
+        self.is_twist = self.type in TWISTS
 
     def payload(self, values: Mapping[str, ScalarValue]) -> bytes:
         """Return the payload of a command.
@@ -310,10 +311,10 @@ class _Command:
             ValueError: the message cannot have these values.
         """
         if self.is_twist:
-            axes = {self._parameters.get(name, _DRIVE.get(name, name)): v for name, v in values.items()}
-            if unknown := axes.keys() - set(_AXES):
+            axes = {self._parameters.get(name, DRIVE_PATHS.get(name, name)): v for name, v in values.items()}
+            if unknown := axes.keys() - set(AXES):
                 raise ValueError(f"a twist has no `{min(unknown)}`")
-            return _TWIST.pack(*[float(axes.get(axis, 0.0)) for axis in _AXES])
+            return _TWIST.pack(*[float(axes.get(axis, 0.0)) for axis in AXES])
         if self.kind is None:
             raise ConnectionError(f"the definition of `{self.type}` is not known yet")
         message: dict[str, Any] = {}

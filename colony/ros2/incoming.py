@@ -12,6 +12,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
+from colony.ir.ros2_messages import ANGLES
 from colony.ros2.cdr import MessageError, Structure, decode
 from colony.ros2.scan import UnusableError
 
@@ -131,7 +132,6 @@ class Incoming:
 # --- parts of a message ---------------------------------------------------------------------------
 
 _STEP = re.compile(r"(\w+)(?:\[(\d+)\])?")
-_ANGLES = ("yaw", "pitch", "roll", "heading")
 
 
 def part(values: Mapping[str, Any], path: str) -> Any:
@@ -156,7 +156,7 @@ def part(values: Mapping[str, Any], path: str) -> Any:
             if covariance is not None and len(covariance) and covariance[0] == -1.0:
                 return None
             found = found[name]
-        elif name in _ANGLES and found.keys() == {"x", "y", "z", "w"}:
+        elif name in ANGLES and found.keys() == {"x", "y", "z", "w"}:
             found = angle(found, name)
         else:
             raise UnusableError(f"it has no `{path}`")

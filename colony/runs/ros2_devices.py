@@ -6,7 +6,7 @@ All of them share a process, and in it a bridge. The drivers are found by name, 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from colony.body.devices import BaseSpec
@@ -37,9 +37,10 @@ def ros2_hardware(server: str, body: Body, interface: Robot | None) -> HardwareD
             topics["out"][name] = _command(topic, actuators.get(name))
         else:
             topics["in"][name] = _field(topic, None if is_base else sensors.get(name))
+    node = replace(body.ros2, name=body.ros2.name or body.robot.name)
     return HardwareDriver(
         driver=BASE if is_base else DEVICE,
-        options={"node": json.dumps(asdict(body.ros2)), "topics": json.dumps(topics)},
+        options={"node": json.dumps(asdict(node)), "topics": json.dumps(topics)},
         process=PROCESS,
         origin=f"server.{server}.ros2",
         frame_ns=DEFAULT_FRAME_NS if interface is None else interface.frame_ns,

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache
 
-from colony.body.devices import BaseSpec, MountPose
+from colony.body.devices import MountPose
 from colony.body.model import Body, DeviceFaults, Drive, Omnidirectional, Rolling, radius_mm, rolling_at
 from colony.body.shipped import ROME, shipped_body
 from colony.ir.servers import RSERVER
@@ -199,9 +199,7 @@ def config_of(body: Body) -> RobotConfig:
         command_delay_ns=round(delays.command_s * 1e9),
         reading_delay_ns=round(delays.reading_s * 1e9),
         base_period_ns=_base_period_ns(body),
-        base_faults=next(
-            (s.faults for s in body.servers.values() if isinstance(s.simulated, BaseSpec)), None
-        ),
+        base_faults=None if body.base is None else body.base.faults,
         ring=_ring_of(body) if body.has_ring() else None,
         omni_wheels=_omni_wheels(drive, radius_mm(body)),
         max_sideways_mm_s=body.chassis.sideways_mm_s,
@@ -225,7 +223,7 @@ _TRIANGLE = ((0.5, math.sqrt(0.75), 150.0), (-1.0, 0.0, -90.0), (0.5, -math.sqrt
 
 def _base_period_ns(body: Body) -> int | None:
     """Return the period of the base, whose fields are measured together: the shortest of their periods."""
-    base = next((server for server in body.servers.values() if isinstance(server.simulated, BaseSpec)), None)
+    base = body.base
     periods_ns = [] if base is None else [base.period_ns(field.name) for field in RSERVER.fields]
     known_ns = [period_ns for period_ns in periods_ns if period_ns is not None]
     return min(known_ns) if known_ns and len(known_ns) == len(periods_ns) else None

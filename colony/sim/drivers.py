@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
-from colony.body.devices import BaseSpec, Proximity
 from colony.body.model import Body
 from colony.body.servers import servers_of
 from colony.body.shipped import ROME, shipped_body
@@ -216,12 +215,11 @@ def simulated_drivers(
     """
     body = shipped_body(ROME) if body is None else body
     servers = servers_of(body) if servers is None else servers
-    described = {type(server.simulated) for server in body.servers.values()}
     devices = devices_of(body, servers, plant.world, robot, seed=seed, given=given)
     return Drivers(
         servers=servers,
-        base=SimulatedBase(plant, robot) if BaseSpec in described else None,
-        proximity=SimulatedProximity(plant, robot) if Proximity in described else None,
+        base=None if body.base is None else SimulatedBase(plant, robot),
+        proximity=SimulatedProximity(plant, robot) if body.has_ring() else None,
         cameras=cameras or {},
         devices={name: SimulatedDriver(plant, device) for name, device in devices.items()},
     )

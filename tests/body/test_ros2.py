@@ -62,6 +62,26 @@ def test_interface_and_topics_agree() -> None:
         ('"sensor_msgs/msg/LaserScan"', '"auto"', ("B009", "a sensor cannot read the type `auto`")),
         ("ros2.mode ", "ros2.modus ", ("B018", "nothing in the interface reads or commands `Panel.modus`")),
         ("[server.Battery]", "[server.Camera]\n[server.Battery]", ("B009", "`Camera` has no device")),
+        (
+            'unit = "number", stop = "zero"',
+            'parameters = { level = "value" }',
+            ("B009", "std_msgs/msg/Float64 has no `value`: it has `data`"),
+        ),
+        (
+            '"std_msgs/msg/Float64", unit = "number"',
+            '"geometry_msgs/msg/Twist"',
+            ("B009", "a twist has no `level`: it has `linear.x`"),
+        ),
+        (
+            '"sensor_msgs/msg/BatteryState"',
+            '"sensor_msgs/msg/BatteryState", path = "voltages"',
+            ("B009", "sensor_msgs/msg/BatteryState has no `voltages`: did you mean `voltage`?"),
+        ),
+        (
+            "[server.Lidar]",
+            'ros2.bumper = { topic = "bump", type = "std_msgs/msg/Bool", path = "on" }\n[server.Lidar]',
+            ("B009", "std_msgs/msg/Bool has no `on`: it has `data`"),
+        ),
         ('python = "PYTHON"', "domain = 500", ("B008", "`ros2.domain` is 500; expected 0 to 232")),
     ],
 )

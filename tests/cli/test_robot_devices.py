@@ -86,11 +86,12 @@ def test_a_port_is_given_to_the_drivers_that_have_one(tmp_path: Path) -> None:
     assert with_port(without, "/dev/y", None).hardware[RSERVER.name].options == {}
 
 
-def test_a_base_with_a_driver_alone_has_no_values_in_the_simulator(tmp_path: Path) -> None:
-    found = rserver(tmp_path, simulated_devices(described(tmp_path, DRIVEN)))
-    assert isinstance(found, DevicePart)
+def test_a_base_with_a_driver_alone_is_simulated_as_its_drive_is_described(tmp_path: Path) -> None:
+    robot = described(tmp_path, DRIVEN)
+    found = rserver(tmp_path, simulated_devices(robot))
+    assert isinstance(found, RServerPart)
     assert found.device == PLANT
-    assert found.server.fields == RSERVER.fields
+    assert found.limits.velocity == robot.body.chassis.limits.velocity_mm_s
 
 
 def test_the_servers_of_one_line_or_of_a_named_process_share_it(tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
+from colony.ir.ros2_messages import STANDARD, TWIST
 from colony.ros2.cdr import Kind, MessageError, Number, Several, Structure, Text, decode, encode, structure
-from colony.ros2.messages import STANDARD, TWIST
 
 OTHERS = {
     "t/msg/Inner": [("flag", "boolean"), ("number", "int64"), ("name", "string<5>")],

@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
+from colony.ir.ros2_messages import STANDARD
 from colony.ros2.cdr import decode, encode, structure
 from colony.ros2.connection import CommandedTopic, HeardTopic, NodeSettings
 from colony.ros2.drivers import Ros2Base, Ros2Device
 from colony.ros2.incoming import ArrivedMessage, Incoming
-from colony.ros2.messages import STANDARD
 
 NODE = json.dumps({"name": "colony"})
 BOOL, STRING = "std_msgs/msg/Bool", "std_msgs/msg/String"
@@ -127,6 +127,21 @@ def test_bumpers_are_as_old_as_their_messages() -> None:
     state = driver.state()
     assert state is not None
     assert (state.t_ns, state.front_bumper, state.rear_bumper) == (33, True, False)
+
+
+def test_a_base_at_rest_is_stopped_once_until_it_is_driven_again() -> None:
+    stage = Stage()
+    rover = base(stage)
+    for _ in range(3):
+        rover.rest()
+    assert stage.stopped == ["cmd_vel"]
+    rover.drive(100.0, 0.0)
+    rover.stop()
+    rover.rest()
+    assert stage.stopped == ["cmd_vel"] * 2
+    rover.drive(0.0, 0.0)
+    rover.rest()
+    assert stage.stopped == ["cmd_vel"] * 3
 
 
 def test_a_base_drives_in_m_and_rad() -> None:

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from colony.ir.ros2_messages import ODOMETRY, STANDARD
 from colony.ros2.cdr import encode, structure
 from colony.ros2.incoming import ArrivedMessage, Incoming, SimulatedClock, measured_ns, part
-from colony.ros2.messages import ODOMETRY, STANDARD
 from colony.ros2.scan import UnusableError
 
 KIND = structure(ODOMETRY, STANDARD)

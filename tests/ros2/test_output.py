@@ -108,18 +108,20 @@ class Node:
         return f"/{topic}"
 
     def get_publishers_info_by_topic(self, name: str) -> list[Any]:
-        return [_end(node, TWIST) for node in self._publishers]
+        return [_end(node, TWIST, number) for number, node in enumerate(self._publishers)]
 
     def get_subscriptions_info_by_topic(self, name: str) -> list[Any]:
-        return [_end("base", type_) for type_ in self._subscribers]
+        return [_end("base", type_, number) for number, type_ in enumerate(self._subscribers)]
 
     def create_publisher(self, *_: Any) -> Publisher:
         return Publisher()
 
 
-def _end(node: str, type_: str) -> Any:
+def _end(node: str, type_: str, number: int) -> Any:
     quality = SimpleNamespace(reliability="reliable", durability="volatile")
-    return SimpleNamespace(node_name=node, node_namespace="/", topic_type=type_, qos_profile=quality)
+    return SimpleNamespace(
+        node_name=node, node_namespace="/", topic_type=type_, qos_profile=quality, endpoint_gid=[number]
+    )
 
 
 @pytest.fixture(autouse=True)
@@ -131,18 +133,22 @@ def _fake_rclpy(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("publishers", "age_ns", "expected"),
+    ("before", "publishers", "age_ns", "expected"),
     [
-        (["colony"], GHOST_NS, []),
-        (["colony", "mux"], 0, ["mux"]),
-        (["colony", "colony"], GHOST_NS - 1, []),  # that of a bridge that was killed
-        (["colony", "colony"], GHOST_NS, ["colony"]),  # another node of this name
+        ([], ["colony"], GHOST_NS, []),
+        ([], ["colony", "mux"], 0, ["mux"]),
+        ([], ["colony", "colony"], 0, ["colony"]),  # another node of this name, that came later
+        (["colony"], ["colony", "colony"], GHOST_NS - 1, []),  # that of a bridge that was killed
+        (["colony"], ["colony", "colony"], GHOST_NS, ["colony"]),  # it lives: another node of this name
     ],
 )
-def test_a_publisher_of_the_same_name_is_its_own_or_a_ghost(
-    publishers: list[str], age_ns: int, expected: list[str]
+def test_a_publisher_of_the_same_name_is_its_own_a_ghost_or_another(
+    before: list[str], publishers: list[str], age_ns: int, expected: list[str]
 ) -> None:
     found, _ = output()
+    found.active = None
+    found.look(Node(before, []), 0)
+    found.active = Publisher(), TWIST
     seen = found.look(Node(publishers, [TWIST]), age_ns)
     assert [end[0] for end in seen["publishers"]] == expected
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from colony.ir.ros2_messages import LASER_SCAN, STANDARD
 from colony.ros2.cdr import decode, encode, structure
-from colony.ros2.messages import LASER_SCAN, STANDARD
 from colony.ros2.scan import Mounting, ScanReader, UnusableError, distance
 
 KIND = structure(LASER_SCAN, STANDARD)

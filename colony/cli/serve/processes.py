@@ -164,15 +164,17 @@ def processes_of(robot_address: Local, spec: ServeSpec, folder: Path, *, layout:
 
 # --- devices -------------------------------------------------------------------------------------
 
+_SPECIAL = BaseSpec | Proximity | CameraSpec | CeilingCameraSpec
+"""The devices whose servers have classes of their own."""
+
 
 def simulated_devices(robot: DescribedRobot) -> RobotDevices:
     """Return the devices of a robot in the plant: all but its cameras, which are added by name."""
     body = robot.body
     rings = [s.simulated for s in body.servers.values() if isinstance(s.simulated, Proximity)]
-    others = {name for name, server in body.servers.items() if not _is_special(server)}
-    is_base_simulated = any(isinstance(server.simulated, BaseSpec) for server in body.servers.values())
+    others = {name for name in body.servers if not isinstance(body.device(name), _SPECIAL)}
     return RobotDevices(
-        base=_limits(body) if is_base_simulated else None,
+        base=None if body.base is None else _limits(body),
         sonars=rings[0].count if rings else None,
         servers=tuple(spec for spec in robot.servers if spec.name in others),
     )
@@ -225,11 +227,6 @@ def served_names(robot: DescribedRobot) -> tuple[str, ...]:
     """Return the servers of a robot's body that can be served without further options: not its cameras."""
     servers = robot.body.servers.items()
     return tuple(name for name, s in servers if not isinstance(s.simulated, CameraSpec | CeilingCameraSpec))
-
-
-def _is_special(server: ServerTable) -> bool:
-    """Return True for a server that has a class of its own: of a base, a ring or a camera."""
-    return isinstance(server.simulated, BaseSpec | Proximity | CameraSpec | CeilingCameraSpec)
 
 
 def _limits(body: Body) -> BaseLimits:

@@ -28,6 +28,7 @@ from colony.runtime.assembly.nodes import build_clients
 from colony.runtime.clients.client import ClientNode
 from colony.runtime.kit.description import describe, server_spec
 from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError
+from colony.runtime.kit.once import Report
 from colony.runtime.kit.script import Do, Script, do, sleep
 from colony.runtime.library import clock
 from colony.runtime.protocol.bindings import Bindings, bind, bound_servers
@@ -44,6 +45,9 @@ DEPLOY_INTERVAL_S = 0.25
 
 CALL_TIMEOUT_S = 1.0
 """Seconds to wait for the answer of a server: one that is frozen must not delay the others for long."""
+
+BUSY = "busy"
+"""Code of the refusal of a server that another program leads."""
 
 _KNOWN = (OMNIDIRECTIONAL_RSERVER, *COMMON_SERVERS)
 """The servers that are known without a body; others describe themselves.
@@ -111,11 +115,17 @@ def limit_servers(compiled: Compiled) -> tuple[str, ...]:
     return (*servers, *((DSERVER.name,) if needs_data else ()))
 
 
-def lead_limits(compiled: Compiled) -> Script:
-    """Keep the limits deployed while no program runs; the script never ends by itself."""
+def lead_limits(compiled: Compiled, report: Report = lambda text: None) -> Script:
+    """Keep the limits deployed while no program runs; the script never ends by itself.
+
+    Args:
+        compiled: the limits.
+        report: callback for the reason why a server refuses them, which then commands nothing.
+    """
     deployments = {
         name: limit_deployment(compiled) for name in limit_servers(compiled) if name in _KNOWN_NAMES
     }
+    refusals: dict[str, str] = {}
     while True:
         try:
             participants = yield from do(CLOCK, clock.participants())
@@ -128,11 +138,17 @@ def lead_limits(compiled: Compiled) -> Script:
                     spec = server_spec((yield Do(server, describe())))
                     deployments[server] = limit_deployment(compiled, (spec,))
                 yield from do(server, clock.deploy(deployments[server]))
-            except CallRefusedError:
+                refusals.pop(server, None)
+            except (CallRefusedError, ValueError, DiagnosticError) as problem:
                 if server not in _KNOWN_NAMES:
                     deployments.pop(server, None)  # another server may have its name now
-            except (RobotConnectionError, ValueError, DiagnosticError):
-                continue  # it is not there, or does not fit: then it commands nothing
+                if getattr(problem, "code", "") == BUSY:  # a program has begun
+                    continue
+                if (reason := str(problem)) != refusals.get(server):
+                    refusals[server] = reason
+                    report(f"the limits of {compiled.robot.name} do not hold at {server}: {reason}")
+            except RobotConnectionError:
+                continue  # it is not there: then it commands nothing
         yield from sleep(DEPLOY_INTERVAL_S)
 
 

@@ -247,6 +247,15 @@ class Base:
         self._setting, self.commanded_ns = STILL, commanded_ns
         self._driver.stop()
 
+    def rest(self) -> bool:
+        """Leave the base to others, if its driver has a method for that; return True if it has."""
+        rest = getattr(self._driver, "rest", None)
+        if rest is None:
+            return False
+        self._setting, self.commanded_ns = STILL, None
+        rest()
+        return True
+
     def _why(self) -> str:
         problems = problems_of(self._driver)
         return f" ({'; '.join(problems)})" if problems else ""

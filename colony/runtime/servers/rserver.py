@@ -4,7 +4,8 @@ The clients of the deployed program and the outside connections are arbitrated b
 stop, as at every server (`actuating.py`); what connections command are motions (`piloting.py`). Below that
 are a reflex, which blocks commands that drive into a pressed bumper, and a watchdog. When no more ticks
 arrive, and thus no more decisions, the watchdog stops the base two frames after the last command, even under
-`idle hold`.
+`idle hold`. While neither a program nor a connection commands the base, a driver that shares it with others
+leaves it to them.
 
 In frames of a run other than the deployed one, the base is stopped, and no verdict is published. A deployment
 ends with the connection of its leader.
@@ -21,7 +22,7 @@ from colony.runtime.arbitration.motion import Motion
 from colony.runtime.frames.publishing import FRAMES_KEPT, Fields, Publisher
 from colony.runtime.library import robot
 from colony.runtime.protocol.calls import CallDispatcher, CallId, NoArguments
-from colony.runtime.protocol.deployment import ActuatorSpec, Deployment
+from colony.runtime.protocol.deployment import LIMITS_RUN, ActuatorSpec, Deployment
 from colony.runtime.protocol.messages import Effect, Message, Stopped, Tick
 from colony.runtime.servers.actuating import CommandedActuators, Publish
 from colony.runtime.servers.base import Base
@@ -81,6 +82,8 @@ class BaseActuator(CommandedActuators[Motion]):
             self._halt()
             raise NotSentError("no command was sent, as the tick came too late", instead=spec.idle)
         outside = self._pilot.speeds
+        if self._acting.get(DRIVE) is None and self._state.run in (None, LIMITS_RUN) and self._base.rest():
+            return
         speeds = speeds_of(spec, values) if outside is None else outside
         if speeds.velocity:
             self._base.refresh()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import assert_never
 
 from colony.body import devices
-from colony.body.model import Body, ServerTable
+from colony.body.model import Body
 from colony.ir.servers import ServerSpec
 from colony.sim.chance import device_seed
 from colony.sim.devices.actuators import Joint, Outputs
@@ -65,7 +65,7 @@ def devices_of(
         if server.simulated is not None:
             mechanism = world.own_mechanism(spec, server.simulated, robot, own_seed)
         if mechanism is None:
-            mechanism = _mechanism(spec, server, world, robot, own_seed)
+            mechanism = _mechanism(spec, body.device(spec.name), world, robot, own_seed)
         if mechanism is not None:
             periods_ns = {field.name: server.period_ns(field.name) for field in spec.fields}
             faults = faults_of(server.faults, own_seed)
@@ -76,9 +76,9 @@ def devices_of(
 
 
 def _mechanism(
-    spec: ServerSpec, server: ServerTable, world: Physics, robot: int, seed: int
+    spec: ServerSpec, device: devices.Device | None, world: Physics, robot: int, seed: int
 ) -> Mechanism | None:
-    match server.simulated:
+    match device:
         case None:
             return Unsimulated()
         case devices.LidarSpec() as lidar:
@@ -95,7 +95,7 @@ def _mechanism(
         case devices.BaseSpec() | devices.Proximity() | devices.CameraSpec() | devices.CeilingCameraSpec():
             return None
         case _:
-            return _sensor(server.simulated, world, robot, seed)
+            return _sensor(device, world, robot, seed)
 
 
 def _sensor(sensor: _Sensing, world: Physics, robot: int, seed: int) -> Mechanism:

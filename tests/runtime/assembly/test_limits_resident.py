@@ -25,6 +25,7 @@ from colony.runtime.library import actuator, data
 from colony.runtime.protocol.deployment import LIMITS_RUN, client_addresses
 from colony.runtime.protocol.messages import Node, Sample, Verdict
 from colony.runtime.servers.dserver import DServer
+from colony.runtime.servers.rserver import RServer
 from colony.runtime.transport.virtual import VirtualClock, VirtualTransport
 from tests.kit.lift import move_command, service
 from tests.kit.node_stage import MS, S
@@ -187,3 +188,29 @@ def test_a_lift_of_its_own_server_is_held_to_the_limits_of_the_description() -> 
     transport.run_until(4 * S)
     assert {height for t_ns, height in told if t_ns < 2 * S} == {0.0}, "as nobody says what is the most"
     assert list(dict.fromkeys(height for _, height in told)) == [0.0, 100.0, 200.0, 250.0]
+
+
+SIDEWAYS = """
+language 1
+robot slider {
+  actuator drive { velocity : mm/s range -100 .. 100, turn : deg/s range -10 .. 10,
+                   sideways : mm/s range -50 .. 50 }
+           to RServer.drive  idle drive(velocity = 0, turn = 0, sideways = 0)
+}
+limit drive.sideways <= 20 mm/s
+"""
+
+
+def test_a_refusal_of_the_limits_is_reported_once() -> None:
+    compiled = compile_program(load_text(SIDEWAYS)).compiled
+    script, reports = Script(), list[str]()
+    transport = VirtualTransport(script.clock, seed=1)
+    leader = ScriptNode("limits", lead_limits(compiled, reports.append), ("Clock", "RServer"))
+    clock = Clock(servers=("RServer",), resident=limit_deployment(compiled))
+    for node in (clock, RServer(script.drivers.base), leader):
+        transport.add(node)
+    transport.run_until(2 * S)
+    assert reports == [
+        "the limits of slider do not hold at RServer: "
+        "RServer.deploy: `drive`: it drives sideways, which this base cannot"
+    ]

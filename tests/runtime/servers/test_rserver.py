@@ -7,6 +7,7 @@ import pytest
 
 from colony.ir.servers import RSERVER
 from colony.runtime.library import emergency, robot
+from colony.runtime.protocol.deployment import LIMITS_RUN, Deployment
 from colony.runtime.protocol.messages import Tick
 from colony.runtime.servers.commanding import NotSentError
 from tests.kit.base import RollingBase, Stage, bid, deployed, silent, stage_in_run
@@ -19,6 +20,15 @@ class RefusingBase(RollingBase):
     def drive(self, velocity: float, turn: float) -> None:
         super().drive(velocity, turn)
         raise NotSentError("no power")
+
+
+class SharedBase(RollingBase):
+    """A base that others drive, too; `rests` counts the frames in which it is left to them."""
+
+    rests = 0
+
+    def rest(self) -> None:
+        self.rests += 1
 
 
 @pytest.fixture
@@ -319,3 +329,26 @@ def test_a_stop_that_does_not_reach_the_base_is_refused_after_150_ms_and_holds()
     assert stage.frames[-1].stopped is not None
     stage.base.unreached = None
     stage.do("eve/1", emergency.stop())
+
+
+@pytest.mark.parametrize(("run", "limits"), [("", None), (LIMITS_RUN, deployed(run=LIMITS_RUN, clients=()))])
+def test_a_shared_base_is_left_to_others_until_a_connection_drives_it(
+    run: str, limits: Deployment | None
+) -> None:
+    base = SharedBase()
+    stage = Stage(base, run=run, deployment=limits)
+    stage.frame(count=3)
+    assert (base.rests, base.told) == (3, [])
+    stage.open("joystick")
+    stage.do("joystick", robot.drive(0.0, 0.0, lease=0.05))
+    stage.frame()
+    assert (base.rests, [told[1:] for told in base.told]) == (3, [(0.0, 0.0)])
+    stage.frame(count=3)
+    assert base.rests == 6
+
+
+def test_a_program_that_is_idle_keeps_a_shared_base() -> None:
+    base = SharedBase()
+    stage = stage_in_run(base=base)
+    stage.frame(*silent(), count=3)
+    assert (base.rests, len(base.told)) == (0, 3)

@@ -77,7 +77,7 @@ def run(
             host = resources.enter_context(_host(spec.part, robot_address, devices, resources))
             shutdown.on_request(host.stop)
             if not isinstance(spec.part, GatewayPart):
-                resources.enter_context(leading(host, singles(spec.part)))
+                resources.enter_context(leading(host, singles(spec.part), log_line))
             if isinstance(spec.part, GroupPart):
                 resources.enter_context(reporting_stalls(log_line))
             ready()

@@ -129,6 +129,7 @@ class HardwareBase:
         self._report = report
         self._problems = OnceReporter(report)
         self._stop_failure: str | None = None
+        self.rest: Callable[[], None] | None = None if not hasattr(driver, "rest") else self._rest
 
     @property
     def problem(self) -> str | None:
@@ -162,6 +163,12 @@ class HardwareBase:
         except (Exception, SystemExit) as problem:
             self._note("stop", problem)
             self._stop_failure = f"{self._name} failed to stop: {exception_text(problem)}"
+
+    def _rest(self) -> None:
+        try:
+            self._driver.rest()
+        except (Exception, SystemExit) as problem:
+            self._note("rest", problem)
 
     @property
     def unreached(self) -> str | None:

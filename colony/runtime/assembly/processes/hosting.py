@@ -36,7 +36,7 @@ from colony.runtime.transport.live.robot_address import RobotAddress
 
 
 @contextmanager
-def leading_limits(host: Host, compiled: Compiled) -> Iterator[None]:
+def leading_limits(host: Host, compiled: Compiled, report: Report) -> Iterator[None]:
     """Lead the limits inside the `with`. A failure stops the host, and is raised at the end.
 
     Raises:
@@ -46,7 +46,8 @@ def leading_limits(host: Host, compiled: Compiled) -> Iterator[None]:
 
     def lead() -> None:
         try:
-            run_script(session, lead_limits(compiled), name="limits", stop=stop, timeout_s=CALL_TIMEOUT_S)
+            script = lead_limits(compiled, report)
+            run_script(session, script, name="limits", stop=stop, timeout_s=CALL_TIMEOUT_S)
         except BaseException as failure:
             failures.append(failure)
             host.stop()
@@ -165,14 +166,14 @@ class HostedParts:
 
 
 @contextmanager
-def leading(host: Host, parts: Iterable[SinglePart]) -> Iterator[None]:
-    """Lead the limits among the parts inside the `with`."""
+def leading(host: Host, parts: Iterable[SinglePart], report: Report) -> Iterator[None]:
+    """Lead the limits among the parts inside the `with`; `report` takes why a server refuses them."""
     with ExitStack() as resources:
         for part in parts:
             if isinstance(part, LimitsPart):
                 from colony.runtime.assembly.processes.hosting import leading_limits
 
-                resources.enter_context(leading_limits(host, read_program(part.program)[0]))
+                resources.enter_context(leading_limits(host, read_program(part.program)[0], report))
         yield
 
 

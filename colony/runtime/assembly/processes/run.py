@@ -249,7 +249,7 @@ class SupervisedRun:
         nodes = hosted.build(parts)
         self._host.network.claim(topics.servers(node.address for node in nodes))
         self._host.add(nodes)
-        self._resources.enter_context(leading(self._host, parts))
+        self._resources.enter_context(leading(self._host, parts, self._report))
         self._resources.enter_context(reporting_stalls(self._report))
 
     def play(self, name: str, script: Callable[[], Script]) -> None:

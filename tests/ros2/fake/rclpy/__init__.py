@@ -21,7 +21,7 @@ def init(args=None, domain_id=None, signal_handler_options=None) -> None:
         raise RuntimeError("no middleware")
 
 
-def create_node(name, namespace=None, parameter_overrides=()):
+def create_node(name, namespace=None, parameter_overrides=(), **services):
     return Node(name, namespace or "/")
 
 
@@ -32,9 +32,10 @@ def graph(topic: str, side: str) -> list:
             node_name=node,
             node_namespace="/",
             topic_type=type_,
+            endpoint_gid=[number, *map(ord, side)],
             qos_profile=SimpleNamespace(reliability="reliable", durability="volatile"),
         )
-        for node, type_ in ends
+        for number, (node, type_) in enumerate(ends)
     ]
 
 
@@ -72,6 +73,13 @@ class Node:
 
     def get_subscriptions_info_by_topic(self, name: str) -> list:
         return graph(name, "subscribers")
+
+    def get_topic_names_and_types(self) -> list:
+        found = json.loads((FOLDER / "graph.json").read_text())
+        return [
+            (topic, sorted({type_ for side in ends.values() for _, type_ in side}))
+            for topic, ends in found.items()
+        ]
 
     def create_publisher(self, class_, topic, qos):
         return Publisher("/" + topic, class_.NAME)

@@ -24,7 +24,9 @@ class SingleThreadedExecutor:
             for row in map(json.loads, rows[seen:]):
                 if "hang" in row:
                     time.sleep(row["hang"])
-                else:
+                elif row["topic"] in self.node.wanted:
                     self.node.wanted[row["topic"]](bytes.fromhex(row["data"]))
-            seen = len(rows)
+                else:
+                    break
+                seen += 1
             time.sleep(0.002)
