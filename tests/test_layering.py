@@ -46,7 +46,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "experiment": {"ir", "dsl", "execute", "runtime", "analysis", "nav", "runs"},
 }
-ALLOWED["cli"] = set(ALLOWED) - {"drivers", "ros2"}
+ALLOWED["cli"] = set(ALLOWED) - {"drivers"}
 """The packages that a package may import, besides itself, `text` and the base."""
 
 THIRD_PARTY: dict[str, set[str]] = {

@@ -11,16 +11,16 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from colony.dsl.syntax_errors import RESERVED
+from colony.cli.ros2_texts import TAKEN, base_lines, chassis_lines, drive_lines
 from colony.text.diagnostics import Diagnostic, DiagnosticError, error, in_order, note
 from colony.text.source import Source, Span
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,40}")
 TOPIC = re.compile(r"[~/A-Za-z_][A-Za-z0-9_/{}~]{0,250}")
-TAKEN = RESERVED | {"idle", "last", "restarted", "frame_period", "drive", "fastest", "fastest_turn"}
-"""Names that a source or lock cannot have in a behavior."""
-
 MAX_ENTRIES = 100
+
+FASTEST_M_S, FASTEST_RAD_S = 1.0, 2.0
+"""The highest speeds of a base, which no mux knows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -302,12 +302,11 @@ def interface_text(mux: TwistMux, name: str) -> str:
     ]
     lines += [
         "  # Guessed: the highest speeds of the base, here and below.",
-        "  actuator drive { velocity : m/s range -1 .. 1, turn : rad/s range -2 .. 2 }",
-        "           to RServer.drive idle drive(velocity = 0, turn = 0)",
+        *drive_lines(FASTEST_M_S, FASTEST_RAD_S),
         "}",
         "",
-        "param fastest = 1 m/s",
-        "param fastest_turn = 2 rad/s",
+        f"param fastest = {FASTEST_M_S:g} m/s",
+        f"param fastest_turn = {FASTEST_RAD_S:g} rad/s",
     ]
     return "\n".join(lines) + "\n"
 
@@ -323,22 +322,14 @@ def body_text(mux: TwistMux, name: str) -> str:
         f'name = "{name}"',
         "",
         "[body]",
-        'footprint = { shape = "circle", radius = "250 mm" }',
-        'drive     = { kind = "differential", wheel_base = "400 mm" }',
-        "",
-        "[body.limits]",
-        'velocity          = "1 m/s"',
-        'turn              = "2 rad/s"',
-        'acceleration      = "1 m/s^2"',
-        'turn_acceleration = "4 rad/s^2"',
+        *chassis_lines(radius_mm=250, wheel_base_mm=400, velocity_m_s=FASTEST_M_S, turn_rad_s=FASTEST_RAD_S),
         "",
         "# The ROS environment: a script to source (`setup`), or a Python with rclpy (`python`).",
         "[ros2]",
         "",
         "# The output of twist_mux, whose place this takes: `alone` refuses to drive beside it.",
         "[server.RServer]",
-        'ros2.odom  = { topic = "odom", type = "nav_msgs/msg/Odometry" }',
-        'ros2.drive = { topic = "cmd_vel", type = "auto", alone = true }',
+        *base_lines(),
         "",
         "[server.Mux]",
     ]

@@ -28,7 +28,7 @@ def heard_problems(found: Mapping[str, Any], type_: str, quality: str) -> Iterat
         type_: the type that is expected.
         quality: the quality of service of the subscription: `best_effort`, `reliable` or `latched`.
     """
-    name, publishers = found["name"], _ends(found["publishers"])
+    name, publishers = found["name"], ends_of(found["publishers"])
     if found["error"]:
         yield f"{name}: {found['error']}"
     elif not publishers:
@@ -48,9 +48,9 @@ def sent_problems(found: Mapping[str, Any], quality: str) -> Iterator[str]:
     if found["error"]:
         yield found["error"]
         return
-    for end in _ends(found["publishers"]):
+    for end in ends_of(found["publishers"]):
         yield f"{end} publishes {name} as well ({end.type})"
-    subscribers = _ends(found["subscribers"])
+    subscribers = ends_of(found["subscribers"])
     if not subscribers:
         yield f"no node subscribes to {name}"
     for end in subscribers:
@@ -62,5 +62,6 @@ def sent_problems(found: Mapping[str, Any], quality: str) -> Iterator[str]:
             yield f'{end} expects {name} as latched, and `qos` is "{quality}": nothing arrives'
 
 
-def _ends(found: list[list[Any]]) -> list[End]:
+def ends_of(found: list[list[Any]]) -> list[End]:
+    """Return the ends that a report has."""
     return [End(*end) for end in found]

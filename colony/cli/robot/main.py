@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from importlib.resources import files
 from pathlib import Path
 
@@ -10,10 +9,11 @@ import click
 
 from colony.cli.outputs import cannot_write, write_whole
 from colony.cli.robot.check import check_command
+from colony.cli.robot.graph.command import import_command
+from colony.cli.robot.names import expect_free, robot_name
 from colony.cli.robot.show import show_command
 from colony.cli.robot.test import test_command
 from colony.files import reason
-from colony.shipped import Shipped
 
 # --- new -----------------------------------------------------------------------------------------------
 #
@@ -40,23 +40,11 @@ def new_command(name: str) -> None:
       colony robot new scout
       colony robot check scout
     """
-    from colony.dsl.load import check_text
-
-    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]{,63}", name):
-        message = f"expected a name of letters, digits and `_`, such as `scout`; found `{name[:100]}`"
-        raise click.UsageError(message, click.get_current_context())
-    if name in Shipped.ROBOT.names():
-        message = f"`{name}` comes with colony, and would no longer be found; choose another name"
-        raise click.UsageError(message, click.get_current_context())
+    robot_name(name)
     texts = {suffix: _filled(suffix, name) for suffix in SUFFIXES}
-    if check_text(texts[".colony"]).program is None:
-        message = f"`{name}` is a word of the language; expected a name, such as `scout`"
-        raise click.UsageError(message, click.get_current_context())
     folder = FOLDER / name
     paths = {suffix: folder / f"{name}{suffix}" for suffix in SUFFIXES}
-    for path in (*paths.values(), FOLDER / f"{name}.colony"):
-        if path.exists() or path.is_symlink():
-            cannot_write(path, "it exists already")
+    expect_free((*paths.values(), FOLDER / f"{name}.colony"))
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
@@ -84,6 +72,7 @@ def command() -> None:
       colony robot check rome
       colony robot show rome --picture rome.svg
       colony robot new scout
+      colony robot import ros2 burger
       colony robot test rome
     """
 
@@ -91,4 +80,5 @@ def command() -> None:
 command.add_command(check_command)
 command.add_command(show_command)
 command.add_command(new_command)
+command.add_command(import_command)
 command.add_command(test_command)
