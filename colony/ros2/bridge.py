@@ -482,6 +482,8 @@ def run(pipe: socket.socket) -> None:
     except Exception as problem:
         text = f"{type(problem).__name__}: {problem}"
         pipe.send(b"j" + json.dumps({"failed": text, "python": sys.executable}).encode())
+        if isinstance(problem, ImportError):  # the report says it all
+            return
         raise
     watch = threading.Thread(target=bridge.watch, args=(wake,), daemon=True)
     watch.start()

@@ -24,6 +24,9 @@ NAME = "colony_survey"
 KEPT = 100
 """Number of messages of a topic that are kept."""
 
+PATIENCE_S = 5.0
+"""Seconds for which topics are waited for of which nothing came."""
+
 LOOK_S = 0.05
 """Seconds between two checks for topics that are new."""
 
@@ -118,7 +121,7 @@ def survey(node: NodeSettings, seconds: float) -> tuple[SurveyedTopic, ...]:
         Ros2Connection.shared(replace(node, name=NAME, survey=True), lambda text: None)
     ) as connection:
         ends_s: float | None = None
-        while ends_s is None or time.monotonic() < ends_s:
+        while ends_s is None or _is_waiting(ends_s, [gathered for _, gathered in heard.values()]):
             time.sleep(LOOK_S)
             if connection.problem is not None:
                 raise BridgeError(connection.problem)
@@ -132,6 +135,11 @@ def survey(node: NodeSettings, seconds: float) -> tuple[SurveyedTopic, ...]:
                     heard[name] = found, found.incoming
         topics = sorted(connection.topics.items())
     return tuple(_surveyed(name, topic, heard) for name, topic in topics)
+
+
+def _is_waiting(ends_s: float, heard: Iterable[GatheredMessages]) -> bool:
+    left_s = ends_s - time.monotonic()
+    return left_s > 0.0 or (left_s > -PATIENCE_S and not all(each.count for each in heard))
 
 
 def readable(name: str, types: Iterable[str]) -> str | None:

@@ -78,12 +78,12 @@ class BaseActuator(CommandedActuators[Motion]):
         if self._emergency.stopped is not None:
             self._halt()
             return
+        if self._acting.get(DRIVE) is None and self._state.run in (None, LIMITS_RUN) and self._base.rest():
+            return
         if self._state.is_stale(now_ns):
             self._halt()
             raise NotSentError("no command was sent, as the tick came too late", instead=spec.idle)
         outside = self._pilot.speeds
-        if self._acting.get(DRIVE) is None and self._state.run in (None, LIMITS_RUN) and self._base.rest():
-            return
         speeds = speeds_of(spec, values) if outside is None else outside
         if speeds.velocity:
             self._base.refresh()
@@ -115,7 +115,9 @@ class BaseActuator(CommandedActuators[Motion]):
         return ()  # the base goes on until the next frame, which decides or stops it
 
     def _rest(self, before: Frames, now_ns: int) -> Iterable[Effect]:
-        self._halt()
+        self._commands.note_halted()
+        if not self._base.rest():
+            self._base.stop()
         self._acting.clear()
         return ()
 

@@ -352,3 +352,10 @@ def test_a_program_that_is_idle_keeps_a_shared_base() -> None:
     stage = stage_in_run(base=base)
     stage.frame(*silent(), count=3)
     assert (base.rests, len(base.told)) == (0, 3)
+
+
+def test_a_shared_base_is_left_to_others_in_frames_of_another_run() -> None:
+    base = SharedBase()
+    stage = Stage(base, run="r2", deployment=deployed())
+    stage.frame(count=3)
+    assert (base.rests, base.told, len(base.stops)) == (3, [], 1)  # at the start
