@@ -14,11 +14,12 @@ MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
 RELEASE ?= jazzy
+ROS2_SAMPLE := many_types or that_dies or topics_alone or described
 
 # Tests start many processes; without bytecode each of them would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test test-long test-thorough ros2 browser check format bench soak stops loss agreement angles attack wheel mutants clean
+.PHONY: run test test-long test-thorough ros2 ros2-sample browser check format bench soak stops loss agreement angles attack wheel mutants clean
 
 run: $(SIM)
 	$(BIN)/colony run wander --map loop --duration 60 --seed 1 --picture run.png
@@ -35,6 +36,10 @@ test-thorough: $(DEV)
 ros2: $(DEV)
 	-ROS2_RELEASE=$(RELEASE) $(BIN)/python -m tests.ros2.environment
 	ROS2_RELEASE=$(RELEASE) $(BIN)/python -m pytest -n 0 -rs -m ros2 tests/ros2
+
+ros2-sample: $(DEV)
+	-ROS2_RELEASE=$(RELEASE) timeout 300 $(BIN)/python -m tests.ros2.environment
+	ROS2_RELEASE=$(RELEASE) $(BIN)/python -m pytest -n 0 -rs -m ros2 -k '$(ROS2_SAMPLE)' tests/ros2
 
 browser: $(DEV)
 	npm install --silent --no-audit --no-fund --no-save --prefix build/axe axe-core@4.14.1

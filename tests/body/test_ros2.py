@@ -140,6 +140,12 @@ def options(server: str, body: str = BODY) -> Any:
     return hardware.driver, json.loads(str(hardware.options["topics"]))
 
 
+def test_the_node_has_the_name_that_is_given_or_that_of_the_robot() -> None:
+    for body, name in ((BODY, "burger"), (BODY.replace("[ros2]", '[ros2]\nname = "other"'), "other")):
+        robot, read = loaded(body=body)
+        assert json.loads(str(ros2_hardware("Lidar", read, robot).options["node"]))["name"] == name
+
+
 def test_drivers_get_their_topics_and_what_the_interface_says_of_them() -> None:
     driver, topics = options("RServer", BODY.replace("alone = true", 'alone = true, timeout = "0.1 s"'))
     assert driver == "colony.ros2.drivers:Ros2Base"

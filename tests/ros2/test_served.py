@@ -70,7 +70,7 @@ def test_a_robot_of_topics_alone_is_driven_by_a_behavior(served: Served) -> None
         until(served.drives, "it drives on")
     served.leader.interrupt()
     assert contracts_held(served.leader.out), served.leader.out
-    until(lambda: robot.heard[-1]["v"] == 0.0 == robot.heard[-1]["w"], "it stands")
+    until(robot.stands, "it stands, and others may drive it")
     assert not robot.heard[-1]["touched"]
     assert served.machine.run("audit", served.recording).wait() == 0
     served.supervisor.interrupt()

@@ -146,7 +146,9 @@ def _rows(chosen: ChosenTopics) -> Iterator[_Row]:
         type_ = "bool" if topic.types == (BOOL,) else "number" if topic.types[0] in NUMBERS else "m"
         unit = "guessed: a number without a unit" if topic.types[0] in NUMBERS else ""
         yield _Row(name, type_, "", f"Values.{name}", _within(topic), unit)
-    yield _Row("docked_at", "number", "", "DServer.DockedAt", "", "what a dock may say, and `wander` reads")
+    yield _Row(
+        "docked_at", "number", "default 0", "DServer.DockedAt", "", "what a dock may say, and `wander` reads"
+    )
 
 
 def _safety_lines(chosen: ChosenTopics, scan: ChosenScan) -> Iterator[str]:
