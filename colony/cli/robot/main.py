@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from importlib.resources import files
-from pathlib import Path
 
 import click
 
 from colony.cli.outputs import cannot_write, write_whole
 from colony.cli.robot.check import check_command
 from colony.cli.robot.graph.command import import_command
-from colony.cli.robot.names import expect_free, robot_name
+from colony.cli.robot.names import FOLDER, expect_free, robot_name
 from colony.cli.robot.show import show_command
 from colony.cli.robot.test import test_command
 from colony.files import reason
@@ -21,7 +20,6 @@ from colony.files import reason
 
 
 TEMPLATES = files("colony.cli") / "templates" / "robot"
-FOLDER = Path("robots")
 SUFFIXES = (".colony", ".toml")
 
 

@@ -11,6 +11,9 @@ import click
 from colony.cli.outputs import cannot_write
 from colony.shipped import Shipped
 
+FOLDER = Path("robots")
+"""The folder of the robots of a project."""
+
 
 def robot_name(name: str) -> None:
     """Refuse a name that a robot of a project cannot have; exit with 2."""

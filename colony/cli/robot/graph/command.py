@@ -11,7 +11,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.outputs import cannot_write, write_whole
 from colony.cli.reporting import say
-from colony.cli.robot.names import expect_free, robot_name
+from colony.cli.robot.names import FOLDER, expect_free, robot_name
 from colony.files import reason
 
 MAX_LISTED = 20
@@ -46,7 +46,7 @@ def import_command() -> None:
     "folder",
     type=click.Path(file_okay=False, path_type=Path),
     metavar="FOLDER",
-    default=Path("robots"),
+    default=FOLDER,
     show_default=True,
     help="Write FOLDER/NAME/NAME.colony and NAME.toml.",
 )
@@ -74,6 +74,7 @@ def ros2_command(
     from colony.cli.robot.graph.description import body_text, interface_text, unused_lines
     from colony.ros2.connection import BridgeError, NodeSettings
     from colony.ros2.survey import survey
+    from colony.text.wording import counted
 
     given = {"setup": setup, "python": python, "domain": domain, "namespace": namespace.strip("/") or None}
     node = {key: value for key, value in given.items() if value is not None}
@@ -86,7 +87,7 @@ def ros2_command(
     if not chosen.used:
         where = f"domain {os.environ.get('ROS_DOMAIN_ID', 0) if domain is None else domain}"
         where += f", namespace {namespace}" if namespace else ""
-        found = f"{len(topics)} topics" if topics else "no topic"
+        found = counted(len(topics), "topic")
         _fail(f"no robot in {where}: found {found}, and neither a twist, an odometry nor a sensor among them")
     texts = {".colony": interface_text(chosen, name), ".toml": body_text(chosen, name, node)}
     try:
@@ -95,7 +96,8 @@ def ros2_command(
         cannot_write(folder, reason(problem))
     for suffix, path in paths.items():
         write_whole(path, texts[suffix])
-    click.echo(f"wrote {' and '.join(map(str, paths.values()))}; try: colony robot check {name}")
+    described = name if options["folder"] == FOLDER else paths[".colony"]
+    click.echo(f"wrote {' and '.join(map(str, paths.values()))}; try: colony robot check {described}")
     click.echo(f"uses {', '.join(chosen.relative(topic) for topic in chosen.used)}")
     for note in chosen.notes:
         click.echo(f"note: {note}")
