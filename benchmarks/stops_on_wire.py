@@ -48,7 +48,7 @@ POLL_S = 0.01
 PATIENCE_S = 20.0
 """Seconds after which a base counts as one that does not stop."""
 
-PRESSES = 100
+PRESSES = 200
 """Presses of the stop button, alone and beside a flood."""
 
 MOST_MS = {"50 %": 5.0, "99 %": 20.0}
@@ -179,7 +179,7 @@ def _pressed_rows(base: Served, rng: random.Random) -> Iterator[Row]:
         for share, at in (("50 %", 0.5), ("99 %", 0.99)):
             title = f"{base.base.title}: {name}, {share} of {len(took)}"
             most_ms = MOST_MS[share] + 1e3 * base.base.command_bytes * 10 / base.base.baud
-            yield row(title, took[int(at * len(took))], "ms", most_ms, busy())
+            yield row(title, took[int(at * (len(took) - 1))], "ms", most_ms, busy())
 
 
 def _rows_of(base: Base, rounds: int) -> Iterator[Row]:
