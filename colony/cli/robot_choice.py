@@ -84,7 +84,7 @@ def chosen_robot() -> RobotChoice | None:
 
 
 def say_whose_name(robot: Robot) -> None:
-    """Say if a robot that is simulated is called like no description, or like another one: it may be a slip."""
+    """Say if a simulated robot is called like no description, or like another one: it may be a slip."""
     from colony.cli.reporting import say
     from colony.dsl.descriptions import find_in_project, known_descriptions
     from colony.text.wording import did_you_mean

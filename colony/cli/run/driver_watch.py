@@ -1,4 +1,4 @@
-"""The watch over a served robot: a line when a driver begins to fail or works again, and about emergency stops."""
+"""The watch over a served robot: a line when a driver begins to fail or works again, or the robot is stopped."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class DriverReports:
         self._stopped_by = ""
 
     def stopped(self, by: str | None) -> None:
-        """Take who has stopped the robot, "" for nobody; None, which changes nothing, if it is not known."""
+        """Take the connection that has stopped the robot, "" for none; None, if unknown, changes nothing."""
         if by is None or by == self._stopped_by:
             return
         self._stopped_by = by
@@ -77,7 +77,7 @@ class DriverReports:
 
 
 class DriverWatch:
-    """A thread that asks once a second which drivers fail and whether the robot is stopped, and reports changes.
+    """A thread that asks once a second for failing drivers and an emergency stop, and reports changes.
 
     Args:
         robot_address: the robot, some of whose processes may not run yet.

@@ -196,7 +196,7 @@ def failing_parts(session: Session, server: str) -> tuple[str, ...] | None:
 
 
 def stopped_by(session: Session) -> str | None:
-    """Return who has stopped the robot in an emergency, "" if nobody has; None if the Clock does not answer."""
+    """Return the connection that has stopped the robot, "" if none has; None if the Clock does not answer."""
     try:
         with session.connect(CLOCK, name=READER, timeout_s=ANSWER_TIMEOUT_S) as connection:
             stopped = connection.do(participants()).stopped
