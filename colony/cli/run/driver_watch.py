@@ -1,4 +1,4 @@
-"""The watch over a served robot: a line when a driver begins to fail or works again, or the robot is stopped."""
+"""The watch over a served robot: a line when a driver fails or works again, or the robot is stopped."""
 
 from __future__ import annotations
 
