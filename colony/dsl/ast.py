@@ -322,7 +322,9 @@ class RobotImportDecl(SyntaxNode):
 
 @record
 class ParamDecl(NamedValue):
-    """`param name = value`."""
+    """`param name = value`, or with an interval `tunable param name = value in low .. high`."""
+
+    interval: RangeNode | None = None
 
 
 @record

@@ -228,7 +228,11 @@ def _clause(node: ast.Clause) -> str:
             parameters = ", ".join(map(_parameter, node.parameters))
             return f"let {node.name.text}({parameters}) = {print_expression(node.value)}"
         case ast.ParamDecl():
-            return f"param {node.name.text} = {print_expression(node.value)}"
+            param = f"param {node.name.text} = {print_expression(node.value)}"
+            if node.interval is None:
+                return param
+            low, high = print_expression(node.interval.low), print_expression(node.interval.high)
+            return f"tunable {param} in {low} .. {high}"
         case ast.LetDecl():
             return f"let {node.name.text} = {print_expression(node.value)}"
         case ast.StateDecl():

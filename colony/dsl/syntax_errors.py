@@ -22,7 +22,10 @@ RESERVED = frozenset(
 )
 
 DECLARATION_STARTS = frozenset(
-    "ROBOT ENUM IMPORT PARAM LET STATE NEXT MACHINE FAILSAFE MODULE NETWORK LIMIT CONTRACT REACH TEST".split()
+    (
+        "ROBOT ENUM IMPORT TUNABLE PARAM LET STATE NEXT MACHINE FAILSAFE MODULE NETWORK LIMIT CONTRACT REACH "
+        "TEST"
+    ).split()
 )
 _KEYWORDS = frozenset(name.lower() for name in DECLARATION_STARTS) | {"when", "do"}
 _SLIP_HINTS = {
@@ -195,7 +198,7 @@ def _punctuation_hint(text: str, offset: int, found: str, accepted: frozenset[st
 def _word_hint(before: str, found: str, accepted: frozenset[str]) -> str | None:
     if found == "if" and "LPAR" in accepted and "NUMBER" in accepted:
         return "an `if` to the right of an operator needs parentheses"
-    if found in ("input", "let", "param", "state", "next") and "DO" in accepted:
+    if found in ("input", "let", "param", "tunable", "state", "next") and "DO" in accepted:
         return f"`{found}` belongs before `when`"
     if found == "do" and {"WHEN", "LET"} <= accepted:
         return "`when` comes before `do`; write `when true` for always"

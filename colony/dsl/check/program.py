@@ -93,7 +93,7 @@ class _Check:
             None in limits
             or None in tests
             or len(contracts) < self._count(ast.ContractDecl)
-            or len(modules) + checked.templates < self._count(*MODULE_DECLARATIONS)
+            or len(modules) + len(checked.templates) < self._count(*MODULE_DECLARATIONS)
             or len(derived) < self._count(ast.LetDecl, ast.StateDecl, ast.MachineDecl)
         ), "a declaration was left out without an error"
         derived = self._with_inputs(derived, checked.input_lets)
@@ -101,7 +101,7 @@ class _Check:
         self._look_at_phases(derived)
         sent = sorted(self.robot.sent.values(), key=lambda sensor: _place(robot, sensor))
         return ir.Program(
-            robot=replace(robot, sensors=(*robot.sensors, *sent)),
+            robot=replace(robot, sensors=(*robot.sensors, *sent, *self._tunables(checked.templates))),
             derived=tuple(derived),
             modules=tuple(modules),
             wires=tuple(wires),
@@ -284,6 +284,11 @@ class _Check:
             if found is not None:
                 contracts[full_name] = found
         return list(contracts.values())
+
+    def _tunables(self, templates: frozenset[str]) -> tuple[ir.Sensor, ...]:
+        """Return the tunable params that the program reads, without those of templates."""
+        found = self.robot.tunables
+        return tuple(found[name] for name in sorted(found) if name.rpartition(".")[0] not in templates)
 
     # --- warnings
 
