@@ -39,7 +39,8 @@ def command() -> None:
     A change is in force in the next frame, for all modules at once. Contracts are proved for all values of
     the interval, so none has to be proved again. Values end with the run unless they are saved.
 
-    Exit code: 0 on success, 1 if a name or value is refused, 2 if the robot cannot be reached.
+    Exit code: 0 on success, 1 if a value is outside of its interval, 2 for other mistakes and if the robot
+    cannot be reached.
 
     \b
     Example:

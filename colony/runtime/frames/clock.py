@@ -425,9 +425,10 @@ class Clock:
         self._decided.clear()
         self._fetch_budget.reset()
         yield SendMessage(topics.TICKS, tick)
-        for call_id in self._tunings:
-            yield from self._calls.answer(call_id, k)
-        self._tunings.clear()
+        if run == self._run:  # the run of the program has begun
+            for call_id in self._tunings:
+                yield from self._calls.answer(call_id, k)
+            self._tunings.clear()
         for server, missing in overdue:
             publisher = DSERVER.name if server in self._announcers() else server
             yield SendMessage(topics.fetches(publisher), Fetch(server=server, k=missing))
