@@ -243,7 +243,7 @@ class BearingDecl(SyntaxNode):
 
 @record
 class SensorDecl(NamedNode):
-    """`sensor name[size] : type ... from server.field ...`."""
+    """`sensor name[size] : type ... from server.field ...`; as a declaration of a file, `input name ...`."""
 
     size: Expression | None
     type: TypeName
@@ -562,6 +562,7 @@ Declaration = (
     | EnumDecl
     | ImportDecl
     | RobotImportDecl
+    | SensorDecl
     | ParamDecl
     | LetDecl
     | FunctionDecl

@@ -88,6 +88,8 @@ class TreeBuilder:
             **_extent(c),
         )
 
+    program_input = sensor
+
     def second(self, c: Children) -> Any:
         """Return the part that follows the word or bracket."""
         return c[1]

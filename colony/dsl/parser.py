@@ -108,13 +108,13 @@ def _parser() -> Lark:
 # Imported only after an error, since compiling its patterns would add to the start-up time of every command.
 
 _DECLARATION = re.compile(
-    r"^([ \t]*)(?:(?:robot|enum|import|(?:tunable[ \t]+)?param|let|state|next|machine"
+    r"^([ \t]*)(?:(?:robot|enum|import|input|(?:tunable[ \t]+)?param|let|state|next|machine"
     r"|(?:failsafe[ \t]+)?module|network|limit|contract|reach|test)"
     r"(?:[ \t]+[A-Za-z_\"{]|[ \t]*[{\"]))",
     re.MULTILINE,
 )
 _DECLARED = re.compile(
-    r"\b(?:robot|enum|param|let|state|machine|module|sensor|actuator|as)[ \t]+([A-Za-z_]\w*)"
+    r"\b(?:robot|enum|param|input|let|state|machine|module|sensor|actuator|as)[ \t]+([A-Za-z_]\w*)"
     r"|^[ \t]*([A-Za-z_]\w*)[ \t]*=(?!=)",
     re.MULTILINE,
 )

@@ -58,7 +58,7 @@ def command_named(name: str, server: ServerSpec) -> CommandSpec | None:
 
 def declaration_misfits(declared: Sensor | Actuator, servers: Sequence[ServerSpec]) -> Iterator[Diagnostic]:
     """Yield the errors of a sensor or actuator that no server has like this."""
-    if isinstance(declared, Sensor) and not declared.is_measured:
+    if isinstance(declared, Sensor) and (declared.sent is not None or declared.tunable):
         return  # of an actuator, whose server is checked with it, or of a tick
     server = server_named(declared.server, servers)
     if server is None:

@@ -12,7 +12,7 @@ from colony.ir.types import Quantity
 def with_tunables(program: Program, random: Random) -> Program:
     """Return a drawn program with some of its number sensors as tunable params."""
     sensors = tuple(
-        _tunable(s, random) if s.is_measured and isinstance(s.type, Quantity) and random.random() < 0.6 else s
+        _tunable(s, random) if s.of_robot and isinstance(s.type, Quantity) and random.random() < 0.6 else s
         for s in program.robot.sensors
     )
     return replace(program, robot=replace(program.robot, sensors=sensors))

@@ -37,7 +37,7 @@ def test_it_is_a_sensor_of_the_program_with_its_interval_as_range() -> None:
     }
     [clearance, _] = [s for s in program(AVOID).robot.sensors if s.tunable]
     assert (clearance.server, clearance.field, clearance.factor) == (TUNABLE_SERVER, "avoid.clearance", 10.0)
-    assert not clearance.is_measured
+    assert not clearance.of_robot
 
 
 def test_a_module_has_its_constant_params_beside_it() -> None:

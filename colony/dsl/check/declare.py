@@ -58,6 +58,7 @@ def _declared_names(scope: FileScope) -> Iterator[ast.NameNode]:
                 yield from (p.name for p in parameters)
             case (
                 ast.EnumDecl()
+                | ast.SensorDecl()
                 | ast.ParamDecl()
                 | ast.LetDecl()
                 | ast.StateDecl()
@@ -72,6 +73,7 @@ def _declared_names(scope: FileScope) -> Iterator[ast.NameNode]:
 # --- declare ------------------------------------------------------------------------------------------
 
 VALUE_DECLARATIONS = (
+    ast.SensorDecl,
     ast.EnumDecl,
     ast.ParamDecl,
     ast.LetDecl,

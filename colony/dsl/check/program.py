@@ -29,7 +29,7 @@ from colony.dsl.check.inputs import (
 )
 from colony.dsl.check.modules import PendingModule, check_modules
 from colony.dsl.check.phases import phase_findings
-from colony.dsl.check.robot import check_enum, check_robot, literal_frame_period
+from colony.dsl.check.robot import check_enum, check_input, check_robot, literal_frame_period
 from colony.dsl.check.scope import (
     BrokenSymbol,
     CheckReport,
@@ -37,6 +37,7 @@ from colony.dsl.check.scope import (
     FileScope,
     MachineSymbol,
     RobotScope,
+    SensorSymbol,
     StateSymbol,
     WireSymbol,
 )
@@ -79,6 +80,7 @@ class _Check:
     def run(self) -> ir.Program | None:
         self._constants()
         robot = self._robot()
+        inputs = self._inputs()
         derived = self._derived()
         checked = check_modules(self.report, self._pending_modules())
         modules = list(checked.modules)
@@ -101,7 +103,9 @@ class _Check:
         self._look_at_phases(derived)
         sent = sorted(self.robot.sent.values(), key=lambda sensor: _place(robot, sensor))
         return ir.Program(
-            robot=replace(robot, sensors=(*robot.sensors, *sent, *self._tunables(checked.templates))),
+            robot=replace(
+                robot, sensors=(*robot.sensors, *inputs, *sent, *self._tunables(checked.templates))
+            ),
             derived=tuple(derived),
             modules=tuple(modules),
             wires=tuple(wires),
@@ -157,6 +161,16 @@ class _Check:
             )
         self.robot.title = f"the robot `{node.name.text}` ({first_checker.scope.file.source.name})"
         return check_robot(first_checker, node)
+
+    def _inputs(self) -> list[ir.Sensor]:
+        """Check the inputs of files: variables of DServer beside the sensors of the robot."""
+        inputs: list[ir.Sensor] = []
+        for checker, node in self._each(ast.SensorDecl):
+            sensor = check_input(checker, node)
+            symbol = BrokenSymbol() if sensor is None else SensorSymbol(sensor=sensor)
+            if checker.scope.values.setdefault(node.name.text, symbol) is symbol and sensor is not None:
+                inputs.append(sensor)
+        return inputs
 
     def _derived(self) -> list[ir.Derived]:
         """Check derived values: states and machines can be read anywhere, lets only below themselves."""

@@ -229,6 +229,7 @@ class _Catalog:
 
 
 _KINDS: Mapping[type, str] = {
+    ast.SensorDecl: "an input",
     ast.LetDecl: "a let",
     ast.StateDecl: "a state",
     ast.MachineDecl: "a machine",
