@@ -200,7 +200,7 @@ _INPUT_OF_A_FILE = re.compile(r"^[ \t]*input\b[^{}]*\Z", re.MULTILINE)
 
 def _word_hint(before: str, found: str, accepted: frozenset[str]) -> str | None:
     if {"FROM", "DEFAULT"} <= accepted and _INPUT_OF_A_FILE.search(before):
-        return "an input of a file is `from DServer.NAME`; those of modules stand inside `module NAME { ... }`"
+        return "an input of a file is `from DServer.NAME`; those of modules stand in `module NAME { ... }`"
     if found == "if" and "LPAR" in accepted and "NUMBER" in accepted:
         return "an `if` to the right of an operator needs parentheses"
     if found in ("input", "let", "param", "tunable", "state", "next") and "DO" in accepted:
