@@ -7,8 +7,14 @@ from __future__ import annotations
 
 from colony.ros2.cdr import Definition
 
+AUTO = "auto"
+"""Stands for the one of the two twists that the other ends of a topic have."""
+
 TWIST = "geometry_msgs/msg/Twist"
 TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
+DRIVE_PATHS = {"velocity": "linear.x", "sideways": "linear.y", "turn": "angular.z"}
+"""Parameters of a drive, and the parts of a twist that they are."""
+
 LASER_SCAN = "sensor_msgs/msg/LaserScan"
 RANGE = "sensor_msgs/msg/Range"
 ODOMETRY = "nav_msgs/msg/Odometry"

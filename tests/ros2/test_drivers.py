@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -41,6 +42,9 @@ class Stage:
         found = HeardTopic(Incoming(topic, structure(type_, STANDARD), frame), type_, quality)
         self.inputs[topic] = found
         return found
+
+    def now_ns(self) -> int:
+        return time.monotonic_ns()
 
     def command(self, output: CommandedTopic) -> CommandedTopic:
         return output

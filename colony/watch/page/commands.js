@@ -23,7 +23,9 @@ export class Commands {
       const command = snapshot.commands[i];
       setText(view.note, whom(command));
       setText(view.fault, command.fault ? ` ${command.fault}` : "");
-      view.fields.forEach((field, k) => field.show(command.sent?.[k] ?? null, command.low[k], command.high[k]));
+      view.fields.forEach((field, k) =>
+        field.show(command.sent?.[k] ?? null, command.low[k], command.high[k], command.heard?.[k] ?? null),
+      );
     });
   }
 }
@@ -56,10 +58,11 @@ class Field {
     this.node = element("div", { class: "field" }, element("span", { title: field.name }, field.name), this.svg, this.output);
   }
 
-  show(sent, low, high) {
+  show(sent, low, high, heard) {
     const { words, numbers, unit } = this.field;
-    const text = words.length && sent !== null ? words[numbers.indexOf(Number(sent))] : number(sent);
-    setText(this.output, sent === null ? "–" : `${text} ${unit}`);
+    const shown = (value) => (words.length ? words[numbers.indexOf(Number(value))] : number(value));
+    const beside = heard === null ? "" : ` (controller ${shown(heard)})`;
+    setText(this.output, (sent === null ? "–" : `${shown(sent)} ${unit}`) + beside);
     const value = Number(sent ?? 0);
     this.most = Math.max(this.most ?? 0, Math.abs(value), Math.abs(low ?? 0), Math.abs(high ?? 0)) || 1;
     place(this.bars.range, this.x(this.field.low ?? -this.most), this.x(this.field.high ?? this.most));
