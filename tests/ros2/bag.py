@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -99,3 +100,20 @@ def hall(seconds: float, rate: float = 20.0, *, beams: int = 360) -> Iterator[Wr
         yield scan(t_s + 0.001, 0.4 if t_s % 10.0 < 2.0 else 3.0, beams=beams)
         yield odom(t_s + 0.002, 0.2 * t_s)
         yield twist(t_s + 0.01, 0.2)
+
+
+def corridor() -> Iterator[Written]:
+    """Yield the messages of docs/ros2.md: somebody drives up to a wall, too near, and turns away."""
+    for i in range(800):
+        t_s = i / 20
+        ahead_m = max(0.2, 3.0 - 0.1 * t_s) if t_s < 30.0 else 3.0
+        if i % 20 == 0:
+            battery = {"percentage": 0.8}
+            yield Written(t_s, "/battery_state", "sensor_msgs/msg/BatteryState", battery)
+        yield scan(t_s + 0.001, ahead_m, header=stamp(t_s, "base_scan"))
+        yield odom(t_s + 0.002, 0.1 * t_s)
+        yield twist(t_s + 0.01, 0.1) if t_s < 28.0 or t_s >= 30.0 else twist(t_s + 0.01, 0.0, 0.8)
+
+
+if __name__ == "__main__":
+    write(Path(sys.argv[1]), corridor())
