@@ -34,16 +34,7 @@ class _Used(NamedTuple):
 
 def _shadow(folder: Path, name: str, seconds: float) -> _Used:
     path = bag.write(folder / name, bag.hall(seconds))
-    command = (
-        "shadow",
-        "roam.colony",
-        "--robot",
-        "burger",
-        "--bag",
-        str(path),
-        "--record",
-        f"{name}.recorded.mcap",
-    )
+    command = f"shadow roam.colony --robot burger --bag {path} --record {name}.recorded.mcap".split()
     started = Popen(
         [sys.executable, "-m", "colony.cli.main", *command], cwd=folder, stdout=DEVNULL, stderr=DEVNULL
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
@@ -86,25 +87,35 @@ class Bag:
         """Return the definition of a type, and of those it is made of, that are not standard.
 
         A bag without definitions has the usual ones.
-        """
-        from rosbags.interfaces import MessageDefinitionFormat
-        from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-        found: dict[str, Any] = {}
-        for each in self._reader.connections:
-            if each.msgtype != type_:
-                continue
-            text, line = each.msgdef.data, "=" * 80 + "\n"
-            if each.msgdef.format == MessageDefinitionFormat.MSG:
-                found |= get_types_from_msg(text, type_)
-            elif each.msgdef.format == MessageDefinitionFormat.IDL:
-                parts = [part.partition("\n")[2] for part in text.split(line)[1:]]
-                for part in parts if text.startswith(line) else [text]:
-                    found |= get_types_from_idl(part)
-        found = found or get_typestore(Stores.LATEST).fielddefs
+        Raises:
+            BagError: the definition in the bag is damaged.
+        """
+        from rosbags.typesys import Stores, get_typestore
+
+        try:
+            found = self._definitions(type_) or get_typestore(Stores.LATEST).fielddefs
+        except Exception as problem:
+            raise BagError(f"its definition of {type_} is damaged: {problem!s:.100}") from None
         return {
             name: tuple((field, _type(of)) for field, of in fields) for name, (_, fields) in found.items()
         }
+
+    def _definitions(self, type_: str) -> dict[str, Any]:
+        from rosbags.interfaces import MessageDefinitionFormat
+        from rosbags.typesys import get_types_from_idl, get_types_from_msg
+
+        defined = (each.msgdef for each in self._reader.connections if each.msgtype == type_)
+        found: dict[str, Any] = {}
+        for format_, text in defined:
+            if format_ == MessageDefinitionFormat.MSG:
+                found |= get_types_from_msg(text, type_)
+            elif format_ == MessageDefinitionFormat.IDL:
+                line, text = "=" * 80 + "\n", re.sub("(?m)^#.*$", "", text)
+                parts = [part.partition("\n")[2] for part in text.split(line)[1:]]
+                for part in parts if text.startswith(line) else [text]:
+                    found |= get_types_from_idl(part)
+        return found
 
     def messages(self, topics: Iterable[tuple[str, str]]) -> Iterator[BagMessage]:
         """Yield the messages of topics with these types, in the order of arrival.
