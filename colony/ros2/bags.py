@@ -23,6 +23,10 @@ CLOCK_DEFINITION: Mapping[str, Definition] = {CLOCK_TYPE: (("clock", "builtin_in
 _NAMES = {"bool": "boolean", "float32": "float", "float64": "double"}
 
 
+NOT_READ = "not read, as its recorder was killed; open a copy of the bag with sqlite3 to include it"
+"""The remark on the log of a SQLite file."""
+
+
 class BagError(Exception):
     """A bag cannot be read; the message has the reason."""
 
@@ -40,6 +44,7 @@ class Bag:
 
     Attributes:
         types: the types of each topic, that with the most messages first.
+        remarks: what of it is not read.
         start_ns: time of the first message.
         end_ns: time of the last one.
 
@@ -67,6 +72,10 @@ class Bag:
             self.close()
             why = f"its messages are {min(other)}; expected cdr" if other else "it has no messages"
             raise BagError(why)
+        logs = (Path(f"{file}-wal") for file in ([path] if path.is_file() else sorted(path.iterdir())))
+        self.remarks = tuple(
+            f"{log.name}: {NOT_READ}" for log in logs if log.is_file() and log.stat().st_size
+        )
         self.start_ns, self.end_ns = self._reader.start_time, self._reader.end_time - 1
 
     def __enter__(self) -> Bag:

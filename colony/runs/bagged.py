@@ -81,6 +81,8 @@ def _run(
     bag_spec: BagSpec,
     bag: Bag,
 ) -> RunReport:
+    for remark in bag.remarks:
+        ui.report(remark)
     robot = _Robot(described, devices, bag, ui.report)
     bindings = bind(compiled.robot, described.servers)
     deployed = deployment(

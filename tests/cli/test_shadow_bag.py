@@ -98,6 +98,16 @@ def test_every_storage_gives_the_same_report(desk: Desk, storage: Any, compressi
     assert contents(bag) == before
 
 
+def test_the_log_of_a_killed_recorder_is_named_and_stays(desk: Desk) -> None:
+    bag = desk.bag(hall(0.5), storage="sqlite3")
+    (file,) = bag.glob("*.db3")
+    Path(f"{file}-wal").write_bytes(b"pages that were not written back")
+    before = contents(bag)
+    for path in (bag, file):
+        assert f"{file.name}-wal: not read, as its recorder was killed" in desk.shadow(path).err
+    assert contents(bag) == before
+
+
 def contents(folder: Path) -> dict[str, tuple[str, int]]:
     """Return hash and time of each file of a bag."""
     return {
