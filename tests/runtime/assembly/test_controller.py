@@ -34,12 +34,12 @@ contract patient: drive.velocity > 100 mm/s implies sustained(drive.velocity > 0
 class Beside:
     """A shadow, and what the robot's servers publish. Mutable: its frames."""
 
-    def __init__(self, text: str = TEXT) -> None:
+    def __init__(self, text: str = TEXT, unjudged: Sequence[str] = ()) -> None:
         self.program, self._log, self._k = program(text), Log(), 0
         self.compiled = compile_program(self.program).compiled
         bindings = bind(self.compiled.robot, ROME_SERVERS)
         deployed = deployment(self.compiled, bindings, run="shadow", seed=0)
-        controller = Controller(self.compiled, bindings.actuators)
+        controller = Controller(self.compiled, bindings.actuators, unjudged)
         self._shadow = Shadow(self.compiled, bindings, deployed, (self._log,), controller)
 
     def frames(self, commands: Sequence[float | None], *, skipped: int = 0) -> list[RunFrame]:
@@ -81,6 +81,18 @@ def test_contracts_see_the_commands_and_remember_them() -> None:
         (),
     ]
     assert not any(log.expected.breaches for log in found)
+
+
+def test_contracts_that_cannot_judge_are_left_out() -> None:
+    commands = [40.0, 400.0, None, 120.0]
+    found, fewer = Beside().frames(commands), Beside(unjudged=("gentle",)).frames(commands)
+    assert [log.heard_breaches for log in found] == [
+        (),
+        ("slow", "gentle", "patient"),
+        (),
+        ("gentle", "patient"),
+    ]
+    assert [log.heard_breaches for log in fewer] == [(), ("slow", "patient"), (), ("patient",)]
 
 
 def test_their_memory_restarts_with_that_of_the_program() -> None:
