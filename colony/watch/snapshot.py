@@ -87,6 +87,7 @@ class PageFrame:
         stopped_by: who stopped the robot in an emergency; "" for a stop without a name, None for no stop.
         is_restart: True if all memory restarted.
         is_known: True if the memory of the program is known.
+        heard_broken: indices of the contracts that another controller broke.
     """
 
     k: int
@@ -105,6 +106,7 @@ class PageFrame:
     stopped_by: str | None
     is_restart: bool
     is_known: bool
+    heard_broken: tuple[int, ...] = ()
 
 
 class SnapshotMaker:
@@ -164,6 +166,9 @@ class SnapshotMaker:
             stopped_by=tick.stopped.by if tick.stopped is not None else "" if holds else None,
             is_restart=observed.restart or frame.restarted,
             is_known=interpreter is not None,
+            heard_broken=tuple(
+                i for i, c in enumerate(program.contracts) if c.name in observed.heard_breaches
+            ),
         )
 
     def _outputs(self, interpreter: Interpreter) -> Iterator[str | None]:

@@ -101,8 +101,11 @@ def test_commands_have_their_limits() -> None:
 
 def test_a_command_of_another_controller_is_beside_ours() -> None:
     frames = run()
-    frames[2] = replace(frames[2], heard={"drive": HeardCommand((123.0, 4.0), 0)})
+    broken = PROGRAM.contracts[1].name
+    command = HeardCommand((123.0, 4.0), 0)
+    frames[2] = replace(frames[2], heard={"drive": command}, heard_breaches=(broken,))
     frames[3] = replace(frames[3], heard={"drive": None})
+    assert [snapshot.heard_broken for snapshot in snapshots(frames)[2:4]] == [(1,), ()]
     shown = [snapshot.commands[0] for snapshot in snapshots(frames)[2:4]]
     assert [command.heard for command in shown] == [(123.0, 4.0), None]
     assert [command.sent for command in shown] == [s.commands[0].sent for s in snapshots()[2:4]]

@@ -90,8 +90,8 @@ export class Judged {
     this.scene = scene;
     this.contracts = scene.contracts.map((name) => {
       const sign = element("i", { "aria-hidden": "true" });
-      const word = element("span", { class: "word" });
-      return { sign, name, word, node: element("li", {}, sign, name) };
+      const note = element("small");
+      return { sign, name, note, node: element("li", {}, sign, name, note) };
     });
     this.states = scene.states.map((state) => {
       const value = element("b");
@@ -102,9 +102,10 @@ export class Judged {
   }
 
   show(snapshot) {
-    this.contracts.forEach(({ sign, node, name }, i) => {
+    this.contracts.forEach(({ sign, node, name, note }, i) => {
       const state = snapshot.contracts[i];
       setText(sign, SIGNS[state]);
+      setText(note, snapshot.heard_broken.includes(i) ? " broken by the controller" : "");
       if (node.getAttribute("class") !== state) {
         node.setAttribute("class", state);
         node.setAttribute("title", `${name}: ${state}`);
