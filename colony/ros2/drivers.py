@@ -101,7 +101,7 @@ class _Driver:
         self._frame_ns, self._listens = frame_ns, listen
         self._inputs: dict[str, HeardTopic] = {}
         self._outputs: dict[str, CommandedTopic] = {}
-        self._overheard: dict[str, tuple[HeardTopic, ParameterReader, int]] = {}
+        self._overheard: dict[str, tuple[HeardTopic, ParameterReader, int | None]] = {}
 
     def _hear(self, name: str, topic: Mapping[str, Any]) -> HeardTopic:
         """Subscribe to the topic of a field."""
@@ -117,15 +117,17 @@ class _Driver:
     def _command(self, name: str, topic: Mapping[str, Any]) -> None:
         """Command the topic of a command, or listen to it."""
         timeout_ns = topic.get("timeout_ns") or max(TIMEOUT_NS, TIMEOUT_FRAMES * self._frame_ns)
+        is_stopped = topic.get("stop", "zero" if topic["type"] in _TWISTS else "keep") == "zero"
         if self._listens:
-            heard = self._connection.hear(topic["topic"], topic["type"])
-            self._overheard[name] = heard, ParameterReader(topic), timeout_ns
+            quality = "latched" if topic.get("qos") == "latched" else "best_effort"
+            heard = self._connection.hear(topic["topic"], topic["type"], quality=quality)
+            self._overheard[name] = heard, ParameterReader(topic), timeout_ns if is_stopped else None
             return
         found = CommandedTopic(
             topic["topic"],
             topic["type"],
             timeout_ns=timeout_ns,
-            is_stopped=topic.get("stop", "zero" if topic["type"] in _TWISTS else "keep") == "zero",
+            is_stopped=is_stopped,
             quality=topic.get("qos") or "reliable",
             alone=topic.get("alone", False),
             frame=topic.get("frame", ""),
@@ -156,14 +158,20 @@ class _Driver:
         return None if self._connection.is_paused else self._inputs[name].incoming.message()
 
     def overheard(self) -> Mapping[str, OverheardCommand | None]:
-        """Return what another controller commands, in the units of commands; None after the timeout."""
+        """Return what another controller commands, in the units of commands.
+
+        A command that has a stop is none any more after its timeout.
+        """
         return {name: self._overhear(*each) for name, each in self._overheard.items()}
 
     def _overhear(
-        self, heard: HeardTopic, reader: ParameterReader, timeout_ns: int
+        self, heard: HeardTopic, reader: ParameterReader, timeout_ns: int | None
     ) -> OverheardCommand | None:
         message = None if self._connection.is_paused else heard.incoming.message()
-        if message is None or (age_ns := self._connection.now_ns() - message.t_ns) > timeout_ns:
+        if message is None:
+            return None
+        age_ns = self._connection.now_ns() - message.t_ns
+        if timeout_ns is not None and age_ns > timeout_ns:
             return None
         try:
             return OverheardCommand(self._overheard_values(reader.read(message.values)), max(0, age_ns))

@@ -292,6 +292,7 @@ def test_commands_are_heard_in_the_units_of_commands_until_their_timeout() -> No
     assert lamp.overheard() == {"lamp": ({"colour": 1.0}, 250_000_000)}
     stage.at_ns += 1
     assert base.overheard() == {"drive": None}
+    assert lamp.overheard() == {"lamp": ({"colour": 1.0}, 250_000_001)}  # its stop is to stay as it is
     stage.at_ns = 100
     stage.is_paused = True
     assert base.overheard() == {"drive": None}
