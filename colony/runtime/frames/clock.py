@@ -52,7 +52,13 @@ from colony.runtime.protocol.calls import (
 )
 from colony.runtime.protocol.codec import FRAME_NUMBER_NS, MAX_CLOCK_LEAD_NS, MAX_GAPS
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, Deployment, Leadership, client_addresses
+from colony.runtime.protocol.deployment import (
+    MAX_DEPLOYMENT_BYTES,
+    READ_ONLY,
+    Deployment,
+    Leadership,
+    client_addresses,
+)
 from colony.runtime.protocol.interface import Interface, interface_problem
 from colony.runtime.protocol.messages import (
     Alive,
@@ -87,10 +93,6 @@ LEADER_LEASE_NS = 525_000_000
 
 A robot whose leader is frozen stops soon, so it is shorter than at other servers.
 """
-
-
-READ_ONLY = "the robot is served with --read-only, as another controller commands it"
-"""The reason why a program is refused."""
 
 
 class Clock:

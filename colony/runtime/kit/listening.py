@@ -9,8 +9,11 @@ from colony.ir.types import Bool, ScalarValue
 from colony.runtime.frames.publishing import Fields
 from colony.runtime.kit.description import FieldDescription
 from colony.runtime.kit.once import Report
-from colony.runtime.kit.service import Reads, Service
+from colony.runtime.kit.service import Reads, Service, method
 from colony.runtime.protocol.bindings import heard_name
+from colony.runtime.protocol.calls import RefusedError
+from colony.runtime.protocol.connections import Caller
+from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, READ_ONLY, Deployment
 from colony.runtime.protocol.messages import Sample
 from colony.runtime.servers.base import Base
 from colony.runtime.servers.drivers import BaseDriver, ListeningDriver, is_opening, problems_of
@@ -91,7 +94,7 @@ def _in_base_unit(parameter: ParameterSpec, value: ScalarValue | None) -> Scalar
 
 
 def listening_server(spec: ServerSpec, reader: Reads, driver: ListeningDriver, report: Report) -> Service:
-    """Return a server without commands, which publishes what another controller commands.
+    """Return a server that refuses programs, and publishes what another controller commands.
 
     Args:
         spec: its fields, and the commands that it hears.
@@ -99,4 +102,14 @@ def listening_server(spec: ServerSpec, reader: Reads, driver: ListeningDriver, r
         driver: hears the commands.
         report: takes each problem.
     """
-    return Service(spec.name, (), ListeningReader(reader, driver, spec.commands), report, is_expected=True)
+
+    def refuse(caller: Caller, deployed: Deployment) -> None:
+        raise RefusedError("read only", READ_ONLY)
+
+    return Service(
+        spec.name,
+        (method("deploy", Deployment, refuse, max_bytes=MAX_DEPLOYMENT_BYTES),),
+        ListeningReader(reader, driver, spec.commands),
+        report,
+        is_expected=True,
+    )

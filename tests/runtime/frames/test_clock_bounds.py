@@ -9,11 +9,11 @@ import pytest
 
 from colony.ir.frame import Answer
 from colony.ir.program import Actuator, Program
-from colony.runtime.frames.clock import IDLE_FRAME_NS, READ_ONLY, READY_TIMEOUT_NS, Clock
+from colony.runtime.frames.clock import IDLE_FRAME_NS, READY_TIMEOUT_NS, Clock
 from colony.runtime.frames.registry import ClientRegistry, Liveness, TickAnswers
 from colony.runtime.library import clock as library
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.protocol.deployment import READ_ONLY, Deployment
 from colony.runtime.protocol.messages import (
     Announcement,
     Fate,

@@ -13,8 +13,11 @@ from colony.runtime.kit.description import describe
 from colony.runtime.kit.devices import DeviceReader
 from colony.runtime.kit.listening import listening_server
 from colony.runtime.library.actuator import arbitration
+from colony.runtime.library.clock import deploy
+from colony.runtime.protocol.deployment import READ_ONLY
 from colony.runtime.protocol.messages import Sample, ServerFrame, Tick
 from colony.runtime.servers.drivers import OverheardCommand, Reading
+from tests.kit.clock import deployed
 from tests.kit.node_stage import MS, NodeStage, sent
 
 SPEC = ServerSpec(
@@ -82,3 +85,4 @@ def test_it_describes_what_it_hears_and_takes_no_command() -> None:
     assert [field.name for field in described.fields] == ["level", "heard.lamp", "heard.horn"]
     assert described.commands == ()
     assert caller.refusal(arbitration()) == "method"
+    assert caller.problem(deploy(deployed())).message == READ_ONLY
