@@ -28,6 +28,7 @@ MODULES = (
     "reading_to_motion",
     "stops_on_wire",
     "one_line",
+    "bag",
     "experiment",
 )
 QUICK: dict[str, dict[str, Any]] = {
@@ -60,6 +61,7 @@ QUICK: dict[str, dict[str, Any]] = {
     "reading_to_motion": {"EVENTS": 2},
     "stops_on_wire": {"ROUNDS": 1, "WATCHED_S": 0.2},
     "one_line": {"SECONDS": 1.0, "SETTLE_S": 1.0},
+    "bag": {"SECONDS": 2.0},
     "experiment": {"RUNS": 2, "SINGLE_RUNS": 1, "DURATION_S": 1},
 }
 """With --quick: constants with which a benchmark takes about a second; its figures mean nothing."""

@@ -14,6 +14,7 @@ EXTRAS = {
     "vision": ("cv2", "PIL", "numpy"),
     "mujoco": ("mujoco", "numpy"),
     "drivers": ("serial",),
+    "bags": ("rosbags",),
     "watch": ("starlette", "uvicorn", "websockets"),
     "dask": ("distributed",),
 }

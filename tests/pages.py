@@ -44,7 +44,7 @@ NOT_RUN = {
     "^colony robot test ": "a minute of real time; tests/cli/test_robot_acceptance.py",
     " --connect": "needs a robot behind a gateway; tests/cli/test_serve.py",
     "^ *colony drive ": "needs a robot that is served; tests/cli/run and tests/cli/test_your_robot.py",
-    "^ *colony shadow ": "needs a robot that is served; tests/cli/test_shadow.py",
+    "^ *colony shadow (?!.*--bag)": "needs a robot that is served; tests/cli/test_shadow.py",
     "^colony robot import ": "needs a robot of ROS 2; tests/ros2/test_imported.py",
     "^colony robot check rover": "needs a robot of ROS 2; tests/ros2/test_imported.py",
     "^(source /opt/|ros2 )": "needs ROS 2",

@@ -91,6 +91,7 @@ def test_what_z3_would_prove_is_said(tmp_path: Path) -> None:
         ("plan loop 201 216", EVERYTHING, "sim"),
         ("sim snapshot loop --at 201", EVERYTHING, "sim"),
         ("graph wander --format graphml", EVERYTHING, "sim"),
+        ("shadow wander --bag clients.json", ("rosbags",), "bags"),
         ("vision x.png", EVERYTHING, "vision"),
         ("vision x.png", ("cv2",), "vision"),
         ("watch clients.json", EVERYTHING, "watch"),

@@ -30,7 +30,7 @@ ALLOWED: dict[str, set[str]] = {
     "vision": {"body", "runtime", "nav"},
     "sim": {"ir", "body", "runtime", "nav"},
     "view": {"ir", "body", "compile", "nav"},
-    "runs": {"ir", "body", "dsl", "execute", "compile", "runtime", "nav", "vision", "sim"},
+    "runs": {"ir", "body", "dsl", "execute", "compile", "runtime", "ros2", "nav", "vision", "sim"},
     "watch": {
         "ir",
         "body",
@@ -73,6 +73,7 @@ THIRD_PARTY: dict[str, set[str]] = {
     "zstandard": {"runtime"},
     "serial": {"drivers"},
     "rclpy": {"ros2"},
+    "rosbags": {"ros2"},
 }
 """The only packages that may import these; an experiment finds dask by its name, where it is installed."""
 

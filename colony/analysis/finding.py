@@ -20,7 +20,7 @@ from colony.analysis.tracks import Tracks, TrackWriter
 from colony.files import keep_in_cache, read_from_cache, user_cache
 from colony.ir.program import Program
 from colony.ir.version import SEMANTICS
-from colony.runtime.frames.run_frame import FilePosition
+from colony.runtime.frames.run_frame import FilePosition, RunFrame
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.text.wording import time_text
 from colony.verify.explain.moment import Moment
@@ -225,11 +225,15 @@ def _text(span: DamagedSpan, first_ns: int) -> str:
 
 
 class Found(NamedTuple):
-    """The last frame at or before a time: its number, its time, and the moment; None if it is not known."""
+    """The last frame at or before a time: its number, its time, and the moment; None if it is not known.
+
+    `frame` is the frame as it was recorded.
+    """
 
     k: int
     t_ns: int
     moment: Moment | None
+    frame: RunFrame
 
 
 def moment_at(program: Program, reader: RecordingReader, index: RecordingIndex, t_ns: int) -> Found:
@@ -247,7 +251,7 @@ def moment_at(program: Program, reader: RecordingReader, index: RecordingIndex, 
         if recorded.frame.t_ns > t_ns:
             break
         moment = follower.take(recorded)
-        found = Found(recorded.tick.k, recorded.frame.t_ns, moment)
+        found = Found(recorded.tick.k, recorded.frame.t_ns, moment, recorded)
     assert found is not None, "no frame at or before the time"
     return found
 

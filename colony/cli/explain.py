@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from decimal import Decimal, InvalidOperation
 from typing import TYPE_CHECKING, NoReturn
 
@@ -137,9 +137,11 @@ def command(
         report(failure.diagnostics)
         raise click.exceptions.Exit(EXIT_ERRORS) from None
     if format_ == "json":
-        _print_json(asked, chosen, answers)
+        _print_json(asked, chosen, answers, found)
     else:
         _print_text(asked, chosen, answers)
+        for line in _heard_lines(asked.program, found):
+            click.echo(line)
 
 
 class _Chosen:
@@ -292,7 +294,18 @@ def _print_text(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
         say(f"{asked.recording}: warning: {text}")
 
 
-def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explanation]) -> None:
+def _heard_lines(program: Program, found: Found) -> Iterator[str]:
+    """Yield what another controller commanded in a frame, and the contracts that it broke."""
+    from colony.runtime.observe.comparison import heard_text
+
+    for actuator in program.robot.actuators:
+        if actuator.name in found.frame.heard:
+            yield heard_text(actuator, found.frame.heard[actuator.name])
+    for contract in found.frame.heard_breaches:
+        yield f"  which broke the contract {contract}"
+
+
+def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explanation], found: Found) -> None:
     import json
 
     from colony.verify.explain.json_rows import row
@@ -323,4 +336,7 @@ def _print_json(asked: _Asked, chosen: _Chosen | None, answers: Sequence[Explana
         "when": when,
         "answers": [row(answer, begin_ns) for answer in answers],
     }
+    if heard := found.frame.heard:
+        commands = {name: None if command is None else command._asdict() for name, command in heard.items()}
+        out["controller"] = {"commands": commands, "broken": list(found.frame.heard_breaches)}
     click.echo(json.dumps(out, indent=2))

@@ -97,6 +97,8 @@ def _lines(state: RobotState) -> Iterator[str]:
         yield from (f"  {line}" for line in _run(state.run, _priorities(state)))
         yield from (f"  {line}" for line in _processes(state.run, {s.server for s in state.servers}))
     elif state.participants is not None:
+        if state.participants.read_only:
+            yield "  read-only: another controller commands the robot, and no program may"
         yield f"  no program runs{_resident(state, state.participants)}; frame {state.participants.k}"
     connections = [(s.server, c) for s in state.servers for c in s.connections]
     if connections:

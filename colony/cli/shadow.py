@@ -1,10 +1,12 @@
-"""`colony shadow`: run a behavior in the shadow of a robot, which it does not command."""
+"""`colony shadow`: run a behavior in the shadow of a robot, live or from a bag, which it does not command."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -20,9 +22,11 @@ from colony.cli.run.options import (
     seed_option,
     site_option,
     unproved_option,
+    watch_option,
 )
-from colony.ir.program import Actuator, ActuatorField
-from colony.ir.types import Enum, ScalarValue
+from colony.extras import expect_extras
+from colony.ir.program import Actuator
+from colony.runtime.observe.comparison import command_text, heard_text
 
 if TYPE_CHECKING:
     from colony.execute.compiled import Compiled
@@ -44,8 +48,21 @@ REPEAT_NS = 1_000_000_000
 @record_option
 @site_option
 @unproved_option
+@click.option(
+    "--bag",
+    type=click.Path(path_type=Path),
+    metavar="BAG",
+    help="Read a bag of rosbag2 in place of a robot that is served: a folder, or a file of one.",
+)
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(min=0.0, max=100.0),
+    metavar="PERCENT",
+    help="Commands count as the same that differ by this much of the range of each field. [default: 1]",
+)
 @format_option
-def command(**options: Any) -> None:
+@watch_option
+def command(bag: Path | None, tolerance: float | None, watch: bool, **options: Any) -> None:
     """Run a behavior in the shadow of a robot that is already running, also beside a driver.
 
     FILE is a behavior, the name of one that comes with colony, or a compiled program (`colony compile -o
@@ -53,25 +70,44 @@ def command(**options: Any) -> None:
     second and whenever another client wins. A recording is marked as that of a shadow. It is the first thing
     to do with a new behavior on a real robot (docs/your-robot.md).
 
+    If another controller drives the robot, the summary compares the two and says which contracts the
+    controller broke. That is so with --bag, and for a robot that is served with --read-only (docs/ros2.md).
+
     Params, summary and exit code are as for `colony run`.
 
     \b
     Example:
       colony shadow wander --robot rome --record shadow.mcap
       colony shadow wander --robot rome --connect tls/rome.lab:7447 --security ada.toml
+      colony shadow patrol.colony --robot burger --bag hall --record shadow.mcap
     """
+    from colony.runtime.observe.comparison import DEFAULT_TOLERANCE
+
+    tolerance = DEFAULT_TOLERANCE if tolerance is None else tolerance
+    if bag is not None:
+        from colony.cli.run.bag_run import run_with_bag
+
+        options["watch"] = watch or None
+        given = [name for name in ("connect", "security", "watch") if options.pop(name) is not None]
+        if given:
+            raise click.UsageError(f"--{given[0]} is for a robot that is served, not for a bag")
+        run_with_bag(bag, tolerance, options)
+        return
     from colony.cli.run.running import run_on_served
     from colony.cli.run.shadow_run import run_shadow
 
-    run_on_served(run_shadow, _interface, options)
+    if watch:
+        expect_extras("watch")
+    run_on_served(partial(run_shadow, tolerance=tolerance), partial(_interface, watch=watch), options)
 
 
 @contextmanager
-def _interface(compiled: Compiled, spec: RunSpec) -> Iterator[UserInterface]:
+def _interface(compiled: Compiled, spec: RunSpec, *, watch: bool) -> Iterator[UserInterface]:
     """Lend the interface at the terminal, which shows the decisions instead of a progress bar."""
-    from colony.cli.run.interface import TERMINAL_INTERFACE
+    from colony.cli.run.interface import user_interface
 
-    yield replace(TERMINAL_INTERFACE, progress=lambda length_ns: Decisions(compiled.robot.actuators, say))
+    with user_interface(compiled, spec, watch=watch) as ui:
+        yield replace(ui, progress=lambda length_ns: Decisions(compiled.robot.actuators, say))
 
 
 class Decisions:
@@ -96,6 +132,7 @@ class Decisions:
             return
         self._winners, self._reported_ns = winners, t_ns
         parts = [_would_send(a, log.verdicts[a.name]) for a in self._actuators if a.name in log.verdicts]
+        parts += [heard_text(a, log.heard[a.name]) for a in self._actuators if a.name in log.heard]
         self._report(f"{t_ns / 1e9:8.2f} s  would send {'; '.join(parts)}")
 
     def close(self) -> None:
@@ -106,14 +143,4 @@ def _would_send(actuator: Actuator, verdict: Verdict) -> str:
     fault = f" ({verdict.fault})" if verdict.fault else ""
     if verdict.values is None:
         return f"nothing to {actuator.name}{fault}"
-    pairs = zip(actuator.fields, verdict.values, strict=True)
-    command = ", ".join(f"{field.name} = {_value(field, value)}" for field, value in pairs)
-    return f"{actuator.name}({command}) by {verdict.by or 'nobody'}{fault}"
-
-
-def _value(field: ActuatorField, value: ScalarValue) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(field.type, Enum):
-        return next((name for name, number in field.type.members if number == value), f"{value:g}")
-    return f"{value + 0.0:.4g} {field.unit}".rstrip()  # + 0.0: no minus before a zero
+    return f"{command_text(actuator, verdict.values)} by {verdict.by or 'nobody'}{fault}"

@@ -42,6 +42,8 @@ def as_float(reading: object) -> float | None:
 def converted(reading: object, convert: Callable[[float], float]) -> object:
     """Convert a reading, or each element of an array; anything but a number is returned as it is."""
     if isinstance(reading, list | tuple):
+        if set(map(type, reading)) == {float}:  # quick; NaN stays what it is
+            return tuple(map(convert, reading))
         return tuple([converted(element, convert) for element in reading])
     number = as_float(reading)
     return reading if number is None else convert(number)

@@ -293,6 +293,7 @@ class Bridge:
         )
         self.pipe = pipe
         self.inputs: list[tuple[str, str]] = []  # settings, and why there is no subscription
+        self.twists: dict[int, tuple[str, Any]] = {}  # of inputs of either type of twist, what is heard
         self.outputs: list[OutputTopic] = []  # grows only
         self.added: list[dict[str, Any]] = []
         self.defined = 0
@@ -324,6 +325,10 @@ class Bridge:
                 self.define(output.wanted)
         for settings in added:
             error = ""
+            if settings["type"] == "auto":
+                self.twists[len(self.inputs)] = ("", None)
+                self.inputs.append((settings["topic"], error))
+                continue
             try:
                 kind = interface(settings["type"])
                 self.define(settings["type"])
@@ -335,6 +340,22 @@ class Bridge:
                 error = str(problem)
             self.inputs.append((settings["topic"], error))
         self.look()
+
+    def hear_twist(self, index: int, topic: str, types: Iterable[str]) -> str:
+        """Subscribe to a twist of the type that is published, and return that type; "" until there is one."""
+        current, subscription = self.twists[index]
+        published = [each for each in TWISTS if each in types]
+        if published and current not in published:
+            if subscription is not None:
+                self.node.destroy_subscription(subscription)
+            current, callback = published[0], self.receiver(index)
+            self.twists[index] = (
+                current,
+                self.node.create_subscription(
+                    interface(current), topic, callback, profile(BEST_EFFORT), raw=True
+                ),
+            )
+        return current
 
     def define(self, name: str) -> None:
         """Report the definition of a type; that there is none is found where it is used."""
@@ -371,10 +392,16 @@ class Bridge:
         """Report what the graph shows of each topic."""
         node = self.node
         heard = []
-        for topic, error in self.inputs:
+        for index, (topic, error) in enumerate(self.inputs):
             name = node.resolve_topic_name(topic)
             publishers = describe(node.get_publishers_info_by_topic(name))
-            heard.append({"name": name, "publishers": publishers[:MAX_LISTED], "error": error})
+            found = {"name": name, "publishers": publishers[:MAX_LISTED], "error": error}
+            if index in self.twists:
+                try:
+                    found["type"] = self.hear_twist(index, topic, [each[2] for each in publishers])
+                except Exception as problem:
+                    found.update(type="", error=str(problem))
+            heard.append(found)
         now_ns = time.monotonic_ns()
         age_ns = now_ns - self.began_ns
         self.report(

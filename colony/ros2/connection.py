@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from colony.backoff import Backoff
-from colony.ir.ros2_messages import STANDARD
+from colony.ir.ros2_messages import AUTO, STANDARD, TWIST
 from colony.ros2.cdr import Definition, MessageError, structure
 from colony.ros2.graph import heard_problems, sent_problems
 from colony.ros2.incoming import ArrivedMessage, Incoming, SimulatedClock
@@ -272,6 +272,10 @@ class Ros2Connection:
         """True if the clock of the simulation stands still."""
         return self._node.use_sim_time and self._clock.is_paused
 
+    def now_ns(self) -> int:
+        """Return the time by the clock of arrivals."""
+        return time.monotonic_ns()
+
     @property
     def is_opening(self) -> bool:
         """True until the bridge knows the graph, unless something failed."""
@@ -485,7 +489,11 @@ class Ros2Connection:
 
     def _take_graph(self, graph: Mapping[str, Any]) -> None:
         for each, seen in zip(self._inputs, graph["in"], strict=False):
-            problems = heard_problems(seen, each.type, each.quality)
+            type_ = each.type
+            if type_ == AUTO:
+                type_ = seen["type"] or TWIST
+                each.incoming.kind = self.structure(type_)
+            problems = heard_problems(seen, type_, each.quality)
             each.problems = tuple(problems) if self._is_settled else ()
         for output, seen in zip(self._outputs, graph["out"], strict=False):
             output.error = seen["error"]

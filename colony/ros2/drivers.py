@@ -11,16 +11,16 @@ import json
 import math
 import struct
 from collections.abc import Mapping, Sequence, Set
-from time import monotonic_ns
-from typing import Any
+from typing import Any, Protocol
 
 from colony.ir.ros2_messages import AXES, DEFAULT_PATHS, DRIVE_PATHS, LASER_SCAN, RANGE, TWISTS
 from colony.ir.types import ScalarValue, Value
 from colony.ros2.cdr import Structure, encode
 from colony.ros2.connection import CommandedTopic, HeardTopic, NodeSettings, Ros2Connection
+from colony.ros2.heard import ParameterReader
 from colony.ros2.incoming import Message, part
 from colony.ros2.scan import Mounting, ScanReader, UnusableError, distance
-from colony.runtime.servers.drivers import BaseState, Reading
+from colony.runtime.servers.drivers import BaseState, OverheardCommand, Reading
 
 TIMEOUT_NS = 250_000_000
 TIMEOUT_FRAMES = 3
@@ -33,15 +33,70 @@ MM, DEG = 1000.0, 180.0 / math.pi
 _TWIST = struct.Struct("<6d")
 
 
-class _Driver:
-    """What the drivers of a robot have in common: one connection, and its problems. Mutable."""
+class TopicConnection(Protocol):
+    """A connection to topics, as drivers use it: a bridge, or a bag."""
 
-    def __init__(self, node: str, frame_ns: int, connection: Ros2Connection | None) -> None:
+    @property
+    def problem(self) -> str | None:
+        """Why nothing arrives at all; None if something may."""
+        ...
+
+    @property
+    def is_opening(self) -> bool:
+        """True until the topics are known."""
+        ...
+
+    @property
+    def is_paused(self) -> bool:
+        """True if the clock of a simulation stands still."""
+        ...
+
+    def now_ns(self) -> int:
+        """Return the time by the clock of arrivals."""
+        ...
+
+    def hear(self, topic: str, type_: str, *, quality: str = ..., frame: str = ...) -> HeardTopic:
+        """Subscribe to a topic."""
+        ...
+
+    def structure(self, type_: str) -> Any:
+        """Return the structure of a message; None while its definition is not known."""
+        ...
+
+    def command(self, output: CommandedTopic) -> CommandedTopic:
+        """Command a topic, and return it."""
+        ...
+
+    def decide(self, output: CommandedTopic, payload: bytes) -> None:
+        """Publish a command that was decided in this frame."""
+        ...
+
+    def stop(self, output: CommandedTopic) -> None:
+        """Have the stop published."""
+        ...
+
+    def unreached(self, output: CommandedTopic) -> str | None:
+        """Return why the last stop was not published, or not yet; None if it was."""
+        ...
+
+    def close(self) -> None:
+        """End the connection with its last driver."""
+        ...
+
+
+class _Driver:
+    """What the drivers of a robot have in common: one connection, and its problems. Mutable.
+
+    One that listens publishes nothing. It hears what another controller commands in place of that.
+    """
+
+    def __init__(self, node: str, frame_ns: int, connection: TopicConnection | None, *, listen: bool) -> None:
         settings = NodeSettings(**json.loads(node))
-        self._connection = connection or Ros2Connection.shared(settings)
-        self._frame_ns = frame_ns
+        self._connection: TopicConnection = connection or Ros2Connection.shared(settings)
+        self._frame_ns, self._listens = frame_ns, listen
         self._inputs: dict[str, HeardTopic] = {}
         self._outputs: dict[str, CommandedTopic] = {}
+        self._overheard: dict[str, tuple[HeardTopic, ParameterReader, int | None]] = {}
 
     def _hear(self, name: str, topic: Mapping[str, Any]) -> HeardTopic:
         """Subscribe to the topic of a field."""
@@ -55,13 +110,19 @@ class _Driver:
         return found
 
     def _command(self, name: str, topic: Mapping[str, Any]) -> None:
-        """Command the topic of a command."""
+        """Command the topic of a command, or listen to it."""
         timeout_ns = topic.get("timeout_ns") or max(TIMEOUT_NS, TIMEOUT_FRAMES * self._frame_ns)
+        is_stopped = topic.get("stop", "zero" if topic["type"] in TWISTS else "keep") == "zero"
+        if self._listens:
+            quality = "latched" if topic.get("qos") == "latched" else "best_effort"
+            heard = self._connection.hear(topic["topic"], topic["type"], quality=quality)
+            self._overheard[name] = heard, ParameterReader(topic), timeout_ns if is_stopped else None
+            return
         found = CommandedTopic(
             topic["topic"],
             topic["type"],
             timeout_ns=timeout_ns,
-            is_stopped=topic.get("stop", "zero" if topic["type"] in TWISTS else "keep") == "zero",
+            is_stopped=is_stopped,
             quality=topic.get("qos") or "reliable",
             alone=topic.get("alone", False),
             frame=topic.get("frame", ""),
@@ -73,7 +134,8 @@ class _Driver:
         """What is wrong with the bridge, or with the topics of this server; None if all works."""
         if (why := self._connection.problem) is not None:
             return why
-        ends: list[HeardTopic | CommandedTopic] = [*self._inputs.values(), *self._outputs.values()]
+        heard = [heard for heard, _, _ in self._overheard.values()]
+        ends: list[HeardTopic | CommandedTopic] = [*self._inputs.values(), *self._outputs.values(), *heard]
         return "; ".join(dict.fromkeys(why for end in ends if (why := end.problem) is not None)) or None
 
     @property
@@ -89,6 +151,32 @@ class _Driver:
     def _message(self, name: str) -> Message | None:
         """Return the newest message of a topic; None if there is none, or the clock stands still."""
         return None if self._connection.is_paused else self._inputs[name].incoming.message()
+
+    def overheard(self) -> Mapping[str, OverheardCommand | None]:
+        """Return what another controller commands, in the units of commands.
+
+        A command that has a stop is none any more after its timeout.
+        """
+        return {name: self._overhear(*each) for name, each in self._overheard.items()}
+
+    def _overhear(
+        self, heard: HeardTopic, reader: ParameterReader, timeout_ns: int | None
+    ) -> OverheardCommand | None:
+        message = None if self._connection.is_paused else heard.incoming.message()
+        if message is None:
+            return None
+        age_ns = self._connection.now_ns() - message.t_ns
+        if timeout_ns is not None and age_ns > timeout_ns:
+            return None
+        try:
+            return OverheardCommand(self._overheard_values(reader.read(message.values)), max(0, age_ns))
+        except UnusableError as problem:
+            heard.incoming.refuse(problem)
+            return None
+
+    def _overheard_values(self, values: Mapping[str, ScalarValue]) -> Mapping[str, ScalarValue]:
+        """Return the parameters of a command in the units in which the driver takes them."""
+        return values
 
     def _stop(self) -> None:
         for output in self._outputs.values():
@@ -109,6 +197,7 @@ class Ros2Base(_Driver):
         node: the settings of the node, JSON.
         topics: the topics by field (`odom`, bumpers) and command (`drive`), JSON.
         frame_ns: the length of the robot's frames.
+        listen: True to command nothing, and to hear what another controller commands.
         connection: what it is heard and commanded over; by default that of the node.
     """
 
@@ -120,9 +209,10 @@ class Ros2Base(_Driver):
         topics: str,
         *,
         frame_ns: int = DEFAULT_FRAME_NS,
-        connection: Ros2Connection | None = None,
+        listen: bool = False,
+        connection: TopicConnection | None = None,
     ) -> None:
-        super().__init__(node, frame_ns, connection)
+        super().__init__(node, frame_ns, connection, listen=listen)
         given = json.loads(topics)
         for name, topic in given["in"].items():
             self._hear(name, topic)
@@ -144,6 +234,9 @@ class Ros2Base(_Driver):
         self._rests = False
         payload = _TWIST.pack(velocity / MM, sideways / MM, 0.0, 0.0, 0.0, turn / DEG)
         self._connection.decide(output, payload)
+
+    def _overheard_values(self, values: Mapping[str, ScalarValue]) -> Mapping[str, ScalarValue]:
+        return {name: value * (DEG if name == "turn" else MM) for name, value in values.items()}
 
     def stop(self) -> None:
         """Stop. Never raises."""
@@ -203,9 +296,10 @@ class Ros2Device(_Driver):
         topics: str,
         *,
         frame_ns: int = DEFAULT_FRAME_NS,
-        connection: Ros2Connection | None = None,
+        listen: bool = False,
+        connection: TopicConnection | None = None,
     ) -> None:
-        super().__init__(node, frame_ns, connection)
+        super().__init__(node, frame_ns, connection, listen=listen)
         given = json.loads(topics)
         self._fields = {name: _Field(topic, self._hear(name, topic)) for name, topic in given["in"].items()}
         self._commands = {name: _Command(topic) for name, topic in given["out"].items()}
@@ -215,7 +309,8 @@ class Ros2Device(_Driver):
 
     def fields(self) -> Mapping[str, Reading | None]:
         """Return the newest reading of each field, in the units of ROS."""
-        return {name: field.read(self._message(name)) for name, field in self._fields.items()}
+        now_ns = self._connection.now_ns()
+        return {name: field.read(self._message(name), now_ns) for name, field in self._fields.items()}
 
     def command(self, name: str, values: Mapping[str, ScalarValue]) -> None:
         """Publish a command that was decided in this frame.
@@ -255,8 +350,8 @@ class _Field:
         self._from: Message | None = None
         self._value: Any = None
 
-    def read(self, message: Message | None) -> Reading | None:
-        """Return the reading of the newest message."""
+    def read(self, message: Message | None, now_ns: int) -> Reading | None:
+        """Return the reading of the newest message at `now_ns`."""
         if message is not self._from:
             self._from, self._value = message, None
             if message is not None:
@@ -266,7 +361,7 @@ class _Field:
                     self._incoming.refuse(problem)
         if message is None or self._value is None:
             return None
-        return Reading(self._value, max(0, monotonic_ns() - message.t_ns))
+        return Reading(self._value, max(0, now_ns - message.t_ns))
 
     def _read(self, values: Mapping[str, Any]) -> Value | tuple[ScalarValue | None, ...] | None:
         if self._scan is not None:

@@ -112,10 +112,12 @@ def recording_into(
     seed: int,
     robot: str | None = None,
     live: LiveRun | None = None,
+    heard: tuple[str, ...] = (),
 ) -> RunRecording:
     """Return a sink that records a run of a robot into `path`.
 
-    `robot` is its name; None for that of its description. `live` is None for a run in virtual time.
+    `robot` is its name; None for that of its description. `live` is None for a run in virtual time. `heard`
+    are the actuators that another controller commands.
 
     Raises:
         MisuseError: the file cannot be written, or another run is recording into it.
@@ -142,6 +144,7 @@ def recording_into(
             started="" if live is None else live.started,
             shadow=live is not None and live.shadow,
             site=compiled.site,
+            heard=heard,
         )
         return RunRecording(McapRecording(compiled, info, file), path)
     except BlockingIOError:

@@ -47,6 +47,22 @@ def ros2_hardware(server: str, body: Body, interface: Robot | None) -> HardwareD
     )
 
 
+def commanded_topics(body: Body) -> dict[tuple[str, str], str]:
+    """Return the full names of the topics that a robot commands, by server and command."""
+    from colony.ros2.bags import resolved
+
+    return {
+        (server, command): resolved(topic.topic, body.ros2.name, body.ros2.namespace)
+        for server, table in body.servers.items()
+        for command, topic in table.ros2.items()
+    }
+
+
+def is_on_topics(driver: HardwareDriver) -> bool:
+    """Return True for a driver over topics of ROS 2."""
+    return driver.driver in (BASE, DEVICE)
+
+
 def _field(topic: Ros2Topic, sensor: Sensor | None) -> dict[str, Any]:
     """Return the options of a field: its topic, and what the interface says of its values."""
     found: dict[str, Any] = {
@@ -85,6 +101,7 @@ def _command(topic: Ros2Topic, actuator: Actuator | None) -> dict[str, Any]:
         "alone": topic.alone,
         "timeout_ns": None if topic.timeout_s is None else round(topic.timeout_s * 1e9),
         "parameters": dict(topic.parameters),
+        "names": [] if actuator is None else [field.name for field in actuator.fields],
     }
     if topic.stop is not None:
         found["stop"] = topic.stop

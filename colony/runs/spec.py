@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from colony.body.model import Body
 from colony.ir.types import Value
 from colony.nav.maps.driven_path import Paths
+from colony.runtime.observe.comparison import ControllerReport
 from colony.runtime.observe.observer import Sink
 from colony.runtime.observe.summary import RunSummary
 
@@ -133,6 +134,7 @@ class RunReport(NamedTuple):
     For a simulated robot it also has the floors, and the robot's true path on each floor, in mm, and the true
     paths of other robots by name, on the only floor, and those of the people on each floor. In virtual time
     it has the robot's place in mm at each contact, too, and its longest stay in seconds (see `LongestStay`).
+    For a shadow it has the comparison with the controller that drives the robot, if that is heard.
     """
 
     summary: RunSummary
@@ -143,6 +145,7 @@ class RunReport(NamedTuple):
     people: Mapping[str, Paths] = {}
     contacts: tuple[tuple[float, float], ...] = ()
     longest_stay_s: float = 0.0
+    controller: ControllerReport | None = None
 
 
 def expect_simulable(physics: PhysicsName, body: Body, file: str) -> None:

@@ -19,7 +19,7 @@ from colony.ir.memory import window_cell
 from colony.ir.program import Actuator, Program, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.ir.walk import wiring_graph
-from colony.runtime.frames.run_frame import RunFrame
+from colony.runtime.frames.run_frame import HeardCommand, RunFrame
 from colony.runtime.protocol.messages import Fate, Tick, Verdict
 from colony.verify.reference.interpreter import Interpreter
 from colony.watch.scene import SensorScene, pose_sensors, scene_of, shown_sensors, shown_states
@@ -52,6 +52,7 @@ class CommandSnapshot:
         outside: the connection outside the network that commanded.
         hold: the reason why the network did not decide.
         is_decided: False if no verdict was received.
+        heard: what another controller commanded, in declared units; None if that is not heard.
     """
 
     by: str | None
@@ -62,6 +63,7 @@ class CommandSnapshot:
     outside: str | None
     hold: str | None
     is_decided: bool
+    heard: tuple[ScalarValue, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,6 +87,7 @@ class PageFrame:
         stopped_by: who stopped the robot in an emergency; "" for a stop without a name, None for no stop.
         is_restart: True if all memory restarted.
         is_known: True if the memory of the program is known.
+        heard_broken: indices of the contracts that another controller broke.
     """
 
     k: int
@@ -103,6 +106,7 @@ class PageFrame:
     stopped_by: str | None
     is_restart: bool
     is_known: bool
+    heard_broken: tuple[int, ...] = ()
 
 
 class SnapshotMaker:
@@ -148,7 +152,10 @@ class SnapshotMaker:
             active=tuple(i for i, output in enumerate(outputs) if output is not None),
             live=() if interpreter is None else tuple(_live(self._network, outputs, verdicts)),
             windows={} if interpreter is None else dict(self._windows(interpreter)),
-            commands=tuple(_command(a, verdicts.get(a.name), interpreter) for a in program.robot.actuators),
+            commands=tuple(
+                _command(a, verdicts.get(a.name), interpreter, observed.heard.get(a.name))
+                for a in program.robot.actuators
+            ),
             contracts=tuple(_contract(c.name, outcome, interpreter) for c in program.contracts),
             states=tuple(
                 None if interpreter is None else _number(interpreter.states[s.name])
@@ -159,6 +166,9 @@ class SnapshotMaker:
             stopped_by=tick.stopped.by if tick.stopped is not None else "" if holds else None,
             is_restart=observed.restart or frame.restarted,
             is_known=interpreter is not None,
+            heard_broken=tuple(
+                i for i, c in enumerate(program.contracts) if c.name in observed.heard_breaches
+            ),
         )
 
     def _outputs(self, interpreter: Interpreter) -> Iterator[str | None]:
@@ -232,7 +242,12 @@ def _live(
             index = source
 
 
-def _command(actuator: Actuator, verdict: Verdict | None, interpreter: Interpreter | None) -> CommandSnapshot:
+def _command(
+    actuator: Actuator,
+    verdict: Verdict | None,
+    interpreter: Interpreter | None,
+    heard: HeardCommand | None,
+) -> CommandSnapshot:
     bounds = None if interpreter is None else interpreter.bounds(actuator)
     low: tuple[float | None, ...] = (None,) * len(actuator.fields)
     high = low
@@ -250,6 +265,7 @@ def _command(actuator: Actuator, verdict: Verdict | None, interpreter: Interpret
         outside=None if verdict is None else verdict.outside,
         hold=None if verdict is None else verdict.hold,
         is_decided=verdict is not None,
+        heard=None if heard is None else heard.values,
     )
 
 

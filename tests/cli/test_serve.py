@@ -251,6 +251,12 @@ BAD_OPTIONS: list[tuple[tuple[str, ...], str]] = [
         "--hardware is for real devices: with a map it requires `all`",
     ),
     (("serve", "Clock", "--robot", "r", "--hardware", "--camera", "up"), "leave out --camera, --hazards,"),
+    (("serve", "all", "--robot", "r", "--read-only"), "--read-only requires --hardware"),
+    ((*SERVE_ALL, "--hardware", "--read-only"), "--read-only requires --hardware, without --map"),
+    (
+        ("serve", "all", "--robot", "create2", "--hardware", "--read-only"),
+        "--read-only is for robots on topics of ROS 2: ",
+    ),
     (("serve", "RServer", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),
     (("serve", "all", "--robot", "r", "--map", "nowhere"), "nowhere:1:1: error[M001]: cannot read the map"),
     (("ps", "--robot", "a/b"), "`a/b` cannot be the name of a robot"),

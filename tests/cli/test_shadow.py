@@ -112,7 +112,7 @@ def frames(session: Session) -> int:
     return 0 if found is None else found.frames
 
 
-@pytest.mark.parametrize("option", ["--map", "--set", "--to", "--watch", "--isolate", "--picture"])
+@pytest.mark.parametrize("option", ["--map", "--set", "--to", "--isolate", "--picture"])
 def test_shadow_lacks_options_that_command(colony: Colony, option: str) -> None:
     assert f"No such option '{option}'" in colony.one_line("shadow", WANDER, option)
 

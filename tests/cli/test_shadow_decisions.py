@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from colony.cli.shadow import Decisions
 from colony.dsl.load import load_text
 from colony.ir.frame import Frame
 from colony.ir.types import ScalarValue
-from colony.runtime.frames.run_frame import RunFrame
+from colony.runtime.frames.run_frame import HeardCommand, RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
 
 MS = 1_000_000
@@ -21,6 +23,7 @@ module go { when true  do drive(velocity = 1 mm/s, turn = 0) }
 network { drive = go }
 """
 
+NO_CONTROLLER: Mapping[str, HeardCommand | None] = {}
 HOLD: tuple[ScalarValue, ...] | None = None
 
 
@@ -31,7 +34,13 @@ class Shown:
         self._decisions = Decisions(actuators, self.lines.append)
 
     def frame(
-        self, t_ms: int, by: str | None, velocity: float, hitch: object = HOLD, fault: str = ""
+        self,
+        t_ms: int,
+        by: str | None,
+        velocity: float,
+        hitch: object = HOLD,
+        fault: str = "",
+        heard: Mapping[str, HeardCommand | None] = NO_CONTROLLER,
     ) -> None:
         verdicts = {
             "drive": _verdict(t_ms, "drive", by, (velocity, -0.0), fault or None),
@@ -43,6 +52,7 @@ class Shown:
                 tick=tick,
                 frame=Frame(tick.t_ns, {}),
                 verdicts=verdicts,
+                heard=heard,
             )
         )
 
@@ -77,4 +87,16 @@ def test_what_would_be_sent() -> None:
         "hitch(position = closed, lamp = true) by close",
         "    0.10 s  would send drive(velocity = 0 mm/s, turn = 0 deg/s) by go (missing); "
         "hitch(position = open, lamp = false) by close",
+    ]
+
+
+def test_what_another_controller_commands_is_beside_it() -> None:
+    shown = Shown()
+    shown.frame(0, "go", 1.0, heard={"drive": HeardCommand((2.5, 0.0), 31_000_000)})
+    shown.frame(1000, "go", 1.0, heard={"drive": None})
+    ours = "drive(velocity = 1 mm/s, turn = 0 deg/s) by go; nothing to hitch"
+    would = f"would send {ours}; the controller commanded"
+    assert shown.lines == [
+        f"    0.00 s  {would} drive(velocity = 2.5 mm/s, turn = 0 deg/s), 31 ms before the frame",
+        f"    1.00 s  {would} no drive",
     ]

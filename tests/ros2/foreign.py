@@ -38,6 +38,7 @@ DEFAULTS = {
     "twist": "Twist",
     "timeout_s": None,
     "second": None,  # type of a second publisher of cmd_vel
+    "command": None,  # velocity and turn that the second publisher sends
     "clock": None,  # rate of a simulated clock, 0 for one that stands still
     "near": False,  # something is 0.3 m away all around
     "others": {},  # topics that it publishes: [type, values, quality]
@@ -181,6 +182,11 @@ class Robot:
             if self.settings["near"] != self.near:
                 self.near = self.settings["near"]
                 print(json.dumps({"near": self.near, "t": self.scan_ns}), flush=True)
+        if self.second is not None and self.settings["command"] is not None:
+            stamped = TwistStamped()
+            self.stamp(stamped.header)
+            stamped.twist.linear.x, stamped.twist.angular.z = map(float, self.settings["command"])
+            self.second.publish(stamped.twist if self.settings["second"] == "Twist" else stamped)
         for topic, (class_, publisher) in self.others.items():
             if publisher is None or topic not in self.settings["others"]:
                 continue

@@ -14,7 +14,8 @@ from typing import Any
 
 import pytest
 
-from colony.ros2.cdr import decode
+from colony.ir.ros2_messages import STANDARD
+from colony.ros2.cdr import decode, encode, structure
 from colony.ros2.connection import CommandedTopic, NodeSettings, Ros2Connection
 from tests.cli.machine import children_of
 from tests.ros2.ros import freeze
@@ -313,3 +314,34 @@ def test_drivers_of_one_node_share_a_bridge(robot: Robot) -> None:
     first.close()
     robot._connections.pop()
     assert robot.bridge
+
+
+# --- another controller ---------------------------------------------------------------------------
+
+
+def test_a_twist_of_another_controller_is_heard_in_the_type_that_it_publishes(robot: Robot) -> None:
+    robot.set(subscribers=[["base", TWIST]])
+    connection = robot.connect()
+    heard = connection.hear("cmd_vel", "auto")
+    until(lambda: heard.problem == "no node publishes /cmd_vel", "nothing is published")
+    for type_, path in ((TWIST, ()), (TWIST_STAMPED, ("twist",))):
+        robot.set(publishers=[["teleop", type_]])
+        kind = structure(type_, STANDARD)
+        until(lambda kind=kind: heard.incoming.kind == kind and heard.problem is None, type_)
+        values: dict[str, Any] = {"linear": {"x": 0.5}}
+        for name in path:
+            values = {name: values}
+        robot.arrive(topic="cmd_vel", data=encode(kind, values).hex())
+        until(lambda: heard.incoming.message() is not None, "it arrives")
+        found = heard.incoming.message()
+        assert found is not None
+        twist = found.values["twist"] if path else found.values
+        assert twist["linear"]["x"] == 0.5
+        heard.incoming.put(None)
+    assert robot.published == []
+
+
+def test_another_type_than_a_twist_is_named(robot: Robot) -> None:
+    robot.set(publishers=[["joy", "std_msgs/msg/Bool"]])
+    heard = robot.connect().hear("cmd_vel", "auto")
+    until(lambda: "`/joy` publishes /cmd_vel as std_msgs/msg/Bool" in (heard.problem or ""), "it is named")

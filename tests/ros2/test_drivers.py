@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -36,11 +37,15 @@ class Stage:
         self.inputs: dict[str, HeardTopic] = {}
         self.decided: dict[str, bytes] = {}
         self.stopped: list[str] = []
+        self.at_ns: int | None = None
 
-    def hear(self, topic: str, type_: str, *, quality: str, frame: str) -> HeardTopic:
+    def hear(self, topic: str, type_: str, *, quality: str = "", frame: str = "") -> HeardTopic:
         found = HeardTopic(Incoming(topic, structure(type_, STANDARD), frame), type_, quality)
         self.inputs[topic] = found
         return found
+
+    def now_ns(self) -> int:
+        return time.monotonic_ns() if self.at_ns is None else self.at_ns
 
     def command(self, output: CommandedTopic) -> CommandedTopic:
         return output
@@ -263,3 +268,57 @@ def test_a_bridge_is_started_in_the_environment_of_the_robot() -> None:
     assert NodeSettings(python="/p").environment(given) == {"HOME": "h"}
     assert NodeSettings().command(7)[0] == "/usr/bin/python3"
     assert NodeSettings().environment({"LD_LIBRARY_PATH": "x"}) == {"LD_LIBRARY_PATH": "x"}
+
+
+# --- another controller ---------------------------------------------------------------------------
+
+TWIST = "geometry_msgs/msg/Twist"
+
+
+def listening(stage: Stage) -> tuple[Ros2Base, Ros2Device]:
+    """Return a base and a device that command nothing."""
+    drive = {"topic": "cmd_vel", "type": TWIST, "names": ["velocity", "turn"]}
+    lamp = {"topic": "lamp", "type": STRING, "names": ["colour"], "members": {"red": 1.0}}
+    found = [
+        driver(NODE, json.dumps({"in": {}, "out": out}), listen=True, connection=stage)  # type: ignore[operator]
+        for driver, out in ((Ros2Base, {"drive": drive}), (Ros2Device, {"lamp": lamp}))
+    ]
+    return found[0], found[1]
+
+
+def test_a_driver_that_listens_commands_nothing() -> None:
+    stage = Stage()
+    for driver in listening(stage):
+        driver.stop() if isinstance(driver, Ros2Base) else driver.safe()
+        assert driver.unreached is None
+    assert (stage.decided, stage.stopped) == ({}, [])
+    with pytest.raises(ConnectionError):
+        listening(stage)[0].drive(100.0, 0.0)
+
+
+def test_commands_are_heard_in_the_units_of_commands_until_their_timeout() -> None:
+    stage = Stage()
+    base, lamp = listening(stage)
+    assert base.overheard() == {"drive": None}
+    stage.arrive("cmd_vel", {"linear": {"x": 0.25}, "angular": {"z": math.pi}}, 100)
+    stage.arrive("lamp", {"data": "red"}, 100)
+    stage.at_ns = 250_000_100
+    assert base.overheard() == {"drive": ({"velocity": 250.0, "turn": pytest.approx(180.0)}, 250_000_000)}
+    assert lamp.overheard() == {"lamp": ({"colour": 1.0}, 250_000_000)}
+    stage.at_ns += 1
+    assert base.overheard() == {"drive": None}
+    assert lamp.overheard() == {"lamp": ({"colour": 1.0}, 250_000_001)}  # its stop is to stay as it is
+    stage.at_ns = 100
+    stage.is_paused = True
+    assert base.overheard() == {"drive": None}
+
+
+@pytest.mark.parametrize("values", [{"data": "blue"}, {"data": ""}])
+def test_a_command_that_is_none_is_named(values: Any) -> None:
+    stage = Stage()
+    _, lamp = listening(stage)
+    stage.at_ns = 0
+    stage.arrive("lamp", values)
+    assert lamp.overheard() == {"lamp": None}
+    assert lamp.problem is not None
+    assert "is no member of the enum" in lamp.problem

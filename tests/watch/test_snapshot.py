@@ -10,6 +10,7 @@ import pytest
 
 from colony.dsl.load import load_text
 from colony.ir.frame import Frame
+from colony.runtime.frames.run_frame import HeardCommand
 from colony.runtime.protocol.messages import Stopped, Tick
 from colony.verify.reference.interpreter import Interpreter
 from colony.watch.snapshot import FrameMark, mark_of
@@ -96,6 +97,18 @@ def test_commands_have_their_limits() -> None:
     assert shown[0].commands[0].sent == (400.0, 0.0)
     assert (shown[0].commands[0].low, shown[0].commands[0].high) == ((-400.0, -90.0), (400.0, 90.0))
     assert (shown[12].commands[0].sent, shown[12].commands[0].high) == ((300.0, 0.0), (300.0, 90.0))
+
+
+def test_a_command_of_another_controller_is_beside_ours() -> None:
+    frames = run()
+    broken = PROGRAM.contracts[1].name
+    command = HeardCommand((123.0, 4.0), 0)
+    frames[2] = replace(frames[2], heard={"drive": command}, heard_breaches=(broken,))
+    frames[3] = replace(frames[3], heard={"drive": None})
+    assert [snapshot.heard_broken for snapshot in snapshots(frames)[2:4]] == [(1,), ()]
+    shown = [snapshot.commands[0] for snapshot in snapshots(frames)[2:4]]
+    assert [command.heard for command in shown] == [(123.0, 4.0), None]
+    assert [command.sent for command in shown] == [s.commands[0].sent for s in snapshots()[2:4]]
 
 
 def test_contracts_are_lamps() -> None:

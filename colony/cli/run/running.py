@@ -242,11 +242,17 @@ def print_summary(result: RunReport, record: str | None, picture: str | None, fo
         outputs: dict[str, object] = {"recording": record, "picture": picture}
         if mission_result is not None:
             outputs["arrival"] = mission_result._asdict()
+        if result.controller is not None:
+            outputs["controller"] = result.controller.as_json()
         click.echo(json.dumps(summary.as_json() | outputs, indent=2))
     else:
         from colony.runtime.observe.summary import render
 
         click.echo(render(summary))
+        if result.controller is not None:
+            from colony.runtime.observe.comparison import render_comparison
+
+            click.echo(render_comparison(result.controller))
         for path in (record, picture, *(() if mission_result is None else mission_result.pictures)):
             if path is not None and path not in summary.unwritten:
                 click.echo(f"  wrote {path}")

@@ -8,12 +8,15 @@ from contextlib import ExitStack, closing, contextmanager
 from dataclasses import replace
 
 from colony.cli.interruption import in_thread
+from colony.cli.run.bag_run import unjudged_contracts
 from colony.cli.run.driver_watch import DriverWatch
 from colony.execute.compiled import Compiled
 from colony.ir.servers import DSERVER
 from colony.runs.described import DescribedRobot, additional_servers
 from colony.runs.recording import LiveRun, RunRecording, new_run_name, recording_into
+from colony.runs.ros2_devices import commanded_topics
 from colony.runs.spec import RunAbortedError, RunReport, RunSpec, UserInterface
+from colony.runtime.assembly.controller import Controller
 from colony.runtime.assembly.processes.children import HEALTH_CHECK_INTERVAL_S
 from colony.runtime.assembly.processes.run import START_TIMEOUT_S
 from colony.runtime.assembly.processes.window import RecordingWindow, WindowWatch
@@ -25,6 +28,8 @@ from colony.runtime.kit.hub import Hub
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.kit.script_live import RestartedScript
 from colony.runtime.library import clock, data
+from colony.runtime.observe.comparison import DEFAULT_TOLERANCE, ControllerComparison
+from colony.runtime.observe.observer import Sink
 from colony.runtime.observe.summary import Tally
 from colony.runtime.protocol.bindings import bind, bound_servers
 from colony.runtime.protocol.deployment import Deployment, deployment, problems
@@ -49,10 +54,13 @@ def run_shadow(
     robot_address: RobotAddress,
     spec: RunSpec,
     ui: UserInterface,
+    *,
+    tolerance: float = DEFAULT_TOLERANCE,
 ) -> RunReport:
     """Run a program in the shadow of a robot that is running, on this machine or behind a gateway.
 
-    It makes only calls that need no more than the right `read`.
+    It makes only calls that need no more than the right `read`. If another controller commands the robot,
+    commands count as the same within the tolerance, in percent of their range.
 
     Raises:
         MisuseError: no recording can be written.
@@ -64,19 +72,36 @@ def run_shadow(
     additional = additional_servers(compiled.robot, described, robot_address)
     bindings = bind(compiled.robot, (*described.servers, *additional))
     deployed = deployment(compiled, bindings, run=new_run_name(), seed=spec.world.seed, servers=servers)
-    _expect_accepted(robot_address, deployed)
+    is_read_only = _expect_accepted(robot_address, deployed)
     tally = Tally(compiled)
     recording: RunRecording | None = None
-    window = RecordingWindow(
-        spec.length_ns, frame_ns=compiled.frame_ns, sinks=(tally, ui.progress(spec.length_ns))
-    )
+    sinks: tuple[Sink, ...] = (tally, ui.progress(spec.length_ns))
+    controller: Controller | None = None
+    topics: dict[str, str] = {}
+    comparison: ControllerComparison | None = None
+    if is_read_only:
+        names = commanded_topics(described.body)
+        heard = tuple(b for b in bindings.actuators if (b.server, b.command) in names)
+        topics = {b.actuator: names[b.server, b.command] for b in heard}
+        unjudged = unjudged_contracts(compiled, tuple(topics))
+        controller = Controller(compiled, heard, unjudged)
+        comparison = ControllerComparison(compiled, topics, unjudged, tolerance)
+        sinks = (*sinks, comparison)
+    window = RecordingWindow(spec.length_ns, frame_ns=compiled.frame_ns, sinks=sinks)
+    for sink in ui.sinks:
+        window.record(sink)
     drivers = DriverWatch(robot_address, servers, ui.report)
     with closing(drivers), ui.interruptible() as interrupted:
-        shadow = Shadow(compiled, bindings, deployed, (window,))
+        shadow = Shadow(compiled, bindings, deployed, (window,), controller)
         if spec.record is not None:
             live = LiveRun(deployed.run, shadow=True)
             recording = recording_into(
-                spec.record, compiled, seed=spec.world.seed, robot=robot_address.robot, live=live
+                spec.record,
+                compiled,
+                seed=spec.world.seed,
+                robot=robot_address.robot,
+                live=live,
+                heard=tuple(topics),
             )
             window.record(recording)
         with _joined(robot_address, shadow, window, ui) as (host, failed):
@@ -95,6 +120,7 @@ def run_shadow(
             shadow=True,
         ),
         None,
+        controller=None if comparison is None else comparison.report(),
     )
 
 
@@ -132,8 +158,8 @@ class LagReports:
         self._is_behind = behind_ns > (BEHIND_NS // 2 if self._is_behind else BEHIND_NS)
 
 
-def _expect_accepted(robot_address: RobotAddress, deployed: Deployment) -> None:
-    """Check that the robot's Clock would accept the program.
+def _expect_accepted(robot_address: RobotAddress, deployed: Deployment) -> bool:
+    """Check that the robot's Clock would accept the program; return True if it accepts none, read-only.
 
     Raises:
         LiveError, RobotConnectionError: the Clock does not answer.
@@ -145,6 +171,7 @@ def _expect_accepted(robot_address: RobotAddress, deployed: Deployment) -> None:
         try:
             with session_with(robot_address) as session, session.connect(CLOCK) as connection:
                 served = connection.do(clock.interface())
+                is_read_only = connection.do(clock.participants()).read_only
             break
         except RobotConnectionError:  # the robot may just be starting
             if time.monotonic() > give_up_at_s:
@@ -152,6 +179,7 @@ def _expect_accepted(robot_address: RobotAddress, deployed: Deployment) -> None:
     reasons += filter(None, [interface_problem(deployed.interface, served)])
     if reasons:
         raise RunAbortedError(f"{robot_address.robot} would refuse this program: {'; '.join(reasons)}")
+    return is_read_only
 
 
 @contextmanager

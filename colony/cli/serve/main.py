@@ -67,6 +67,11 @@ class Folder(click.Path):
     help="Serve real devices, by the drivers that the robot's body names; with --map simulate all others.",
 )
 @click.option(
+    "--read-only",
+    is_flag=True,
+    help="With --hardware: command nothing, for `colony shadow` beside the ROS 2 controller that drives.",
+)
+@click.option(
     "--port",
     metavar="PORT",
     help="Serve real devices at this serial port, or tcp:HOST:PORT, in place of the one in the robot's body.",
@@ -167,7 +172,7 @@ def serve_spec(options: Mapping[str, Any]) -> ServeSpec:
         "described": described,
         "world": world_spec(options),
         "interface": interface,
-        "limits": limits,
+        "limits": None if options["read_only"] else limits,
         "hardware": options["hardware"] or options["port"] is not None,
     }
     return ServeSpec(**own)
@@ -175,6 +180,8 @@ def serve_spec(options: Mapping[str, Any]) -> ServeSpec:
 
 def objection(server: str, spec: ServeSpec) -> str | None:
     """Return the reason why the settings do not fit this server; None if they do."""
+    if spec.read_only and (text := _read_only_objection(spec)) is not None:
+        return text
     if spec.hardware:
         if (text := _hardware_objection(server, spec)) is not None:
             return text
@@ -204,6 +211,17 @@ def objection(server: str, spec: ServeSpec) -> str | None:
         return "--listen and --security require each other: the table of users decides who may connect"
     if spec.listen is not None and server not in ("Gateway", ALL):
         return f"--listen requires Gateway or all; found {server}"
+    return None
+
+
+def _read_only_objection(spec: ServeSpec) -> str | None:
+    from colony.runs.ros2_devices import is_on_topics
+
+    if not spec.hardware or spec.world.map_path is not None or spec.port is not None:
+        return "--read-only requires --hardware, without --map and --port"
+    others = [name for name, driver in spec.devices.hardware.items() if not is_on_topics(driver)]
+    if others:
+        return f"--read-only is for robots on topics of ROS 2: {others[0]} has a driver"
     return None
 
 

@@ -6,7 +6,8 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import msgspec
 
 from colony.body.devices import BaseSpec, CameraSpec, CeilingCameraSpec, Proximity
 from colony.body.model import Body, ServerTable
@@ -44,10 +45,6 @@ from colony.sim.config import config_of
 from colony.sim.plant.child import SIMULATOR, PlantSpec, plant_socket
 from colony.sim.world_spec import WorldSpec
 
-if TYPE_CHECKING:
-    pass
-
-
 PLANT = "colony.sim.plant.child"
 PLANT_SERVERS = "colony.sim.plant.servers"
 
@@ -72,6 +69,7 @@ class ServeSpec:
         limits: the limits of that description, compiled, if it has any.
         hardware: True if devices of the robot that have drivers are real; others are simulated in a world
             with a map.
+        read_only: True to command nothing, and to hear what another controller commands.
         port, baud: what replaces the port and the baud rate that the body gives to drivers.
         isolate: True to run each server in its own process.
         listen: the endpoint of the gateway; None for no gateway.
@@ -86,6 +84,7 @@ class ServeSpec:
     interface: Interface | None = None
     limits: Compiled | None = None
     hardware: bool = False
+    read_only: bool = False
     port: str | None = None
     baud: int | None = None
     isolate: bool = False
@@ -99,6 +98,9 @@ class ServeSpec:
             return simulated_devices(self.described)
         is_mixed = self.world.map_path is not None
         devices = mixed_devices(self.described) if is_mixed else real_devices(self.described)
+        if self.read_only:
+            hardware = {n: msgspec.structs.replace(d, listens=True) for n, d in devices.hardware.items()}
+            return replace(devices, hardware=hardware)
         return devices if self.port is None else with_port(devices, self.port, self.baud)
 
 
@@ -136,6 +138,7 @@ def parts_of(robot_address: Local, spec: ServeSpec) -> tuple[Part, ...]:
         pinned_variables=dict(spec.pinned_variables),
         interface=spec.interface,
         resident=None if spec.limits is None else limit_deployment(spec.limits),
+        read_only=spec.read_only,
     )
 
 

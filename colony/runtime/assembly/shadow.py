@@ -13,6 +13,9 @@ holds the one to the other. What differs is what surrounds them:
 - After a frame that it missed, all memory restarts, as it does after a restart of the Clock. As it fetches
   nothing, a frame counts as missed once its server has sent `MISSED_FRAMES` more.
 - Modules in Python run in this process.
+
+If the servers listen to another controller, its commands are in the frames. The program then decides as
+before, and a `Controller` judges those commands by the program's contracts.
 """
 
 from __future__ import annotations
@@ -24,13 +27,14 @@ from colony.execute.executor import ModuleExecutor, ProgramExecutor
 from colony.execute.intake import converted
 from colony.ir.frame import Answer, Frame, Reading
 from colony.runtime.arbitration.arbiter import Arbiter, timing
+from colony.runtime.assembly.controller import Controller
 from colony.runtime.clients.client import ClientProgram
 from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler, frames_to_keep
 from colony.runtime.frames.registry import TickAnswers
-from colony.runtime.frames.run_frame import RunFrame
+from colony.runtime.frames.run_frame import HeardCommand, RunFrame
 from colony.runtime.observe.closing import close_all
 from colony.runtime.observe.observer import KeyframeSchedule, Monitor, Sink
-from colony.runtime.protocol.bindings import Bindings
+from colony.runtime.protocol.bindings import Bindings, SensorBinding, heard_name
 from colony.runtime.protocol.deployment import Deployment
 from colony.runtime.protocol.messages import (
     Effect,
@@ -71,6 +75,8 @@ class Shadow(QuietNode):
         bindings: its sensors and actuators, bound to the servers of the robot.
         deployed: the same program as a run would deploy it.
         sinks: consumers of the frames, with the verdicts that the program would have got.
+        controller: judges the commands of another controller, to which the servers listen; None if they do
+            not.
 
     Raises:
         DiagnosticError: a module in Python cannot be imported or built.
@@ -83,10 +89,25 @@ class Shadow(QuietNode):
     address = "Shadow"
 
     def __init__(
-        self, compiled: Compiled, bindings: Bindings, deployed: Deployment, sinks: tuple[Sink, ...]
+        self,
+        compiled: Compiled,
+        bindings: Bindings,
+        deployed: Deployment,
+        sinks: tuple[Sink, ...],
+        controller: Controller | None = None,
     ) -> None:
         self._run = deployed.run
-        measured = tuple(b for b in bindings.sensors if not b.sent)
+        self._controller = controller
+        commands = () if controller is None else controller.bindings
+        self._commands = {(b.server, heard_name(b.command)): heard_name(b.actuator) for b in commands}
+        self._commanded_ns: dict[tuple[int, str], int] = {}  # times of heard commands, by frame and sensor
+        measured = (
+            *(b for b in bindings.sensors if not b.sent),
+            *(
+                SensorBinding(sensor=name, server=server, field=field, max_age_ns=None)
+                for (server, field), name in self._commands.items()
+            ),
+        )
         self._factors = {b.sensor: b.factor for b in bindings.sensors if b.factor != 1.0}
         frames_kept = frames_to_keep(compiled.frame_ns)
         self._assembler = FrameAssembler(
@@ -167,6 +188,9 @@ class Shadow(QuietNode):
     def _take_frame(self, frame: ServerFrame) -> None:
         if frame.server in self._heard_ns and self._tick is not None:
             self._heard_ns[frame.server] = self._tick.t_ns
+        for (server, field), name in self._commands.items():
+            if server == frame.server and (sample := frame.fields.get(field)) is not None:
+                self._commanded_ns[frame.k, name] = sample.t_ns
         self._assembler.take(frame)
 
     # --- what the program would do -------------------------------------------------------------------
@@ -176,10 +200,13 @@ class Shadow(QuietNode):
             self._answers.frame_received(server, assembled.tick.k, 0)
         if assembled.restart and not self._is_first:
             self._program.restart()
+            if self._controller is not None:
+                self._controller.restart()
         keyframe = None
         if self._keyframes.is_due(assembled.tick.t_ns, assembled.restart):
             keyframe = self._program.monitor.keyframe()
-        frame = self._program.completed(assembled.frame)
+        measured, heard = self._split(assembled)
+        frame = self._program.completed(measured)
         base = frame._replace(
             readings={name: self._in_base_units(name, value) for name, value in frame.readings.items()}
         )
@@ -198,10 +225,31 @@ class Shadow(QuietNode):
             requests=requests,
             keyframe=keyframe,
             answers=answers,
+            heard=heard,
+            heard_breaches=()
+            if self._controller is None
+            else self._controller.breaches(measured, heard, answers),
         )
         self._is_first = False
         for sink in self._sinks:
             sink.take(log)
+
+    def _split(self, assembled: AssembledFrame) -> tuple[Frame, dict[str, HeardCommand | None]]:
+        """Return the frame without the commands of another controller, and these by actuator."""
+        frame, k = assembled.frame, assembled.tick.k
+        if self._controller is None:
+            return frame, {}
+        readings, heard = dict(frame.readings), dict[str, HeardCommand | None]()
+        for binding in self._controller.bindings:
+            name = heard_name(binding.actuator)
+            parameters = readings.pop(name, None)
+            if parameters is None:
+                heard[binding.actuator] = None
+            else:
+                age_ns = frame.t_ns - self._commanded_ns[k, name]
+                heard[binding.actuator] = self._controller.command(binding, parameters, age_ns)  # type: ignore[arg-type]
+        self._commanded_ns = {key: t_ns for key, t_ns in self._commanded_ns.items() if key[0] > k}
+        return frame._replace(readings=readings), heard
 
     def _in_base_units(self, sensor: str, value: Reading) -> Reading:
         factor = self._factors.get(sensor)

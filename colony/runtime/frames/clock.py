@@ -54,6 +54,7 @@ from colony.runtime.protocol.codec import FRAME_NUMBER_NS, MAX_CLOCK_LEAD_NS, MA
 from colony.runtime.protocol.connections import Caller
 from colony.runtime.protocol.deployment import (
     MAX_DEPLOYMENT_BYTES,
+    READ_ONLY,
     Deployment,
     Leadership,
     client_addresses,
@@ -108,6 +109,7 @@ class Clock:
         interface: that of the robot's description; programs that were checked against another are refused.
         resident: the limits of the robot's description as a program without modules. Its run goes on while
             no other program does, so that the robot's servers never take a frame for one without limits.
+        read_only: True to refuse every program.
     """
 
     address = topics.CLOCK
@@ -123,7 +125,9 @@ class Clock:
         report: Callable[[str], None] = lambda line: None,
         interface: Interface | None = None,
         resident: Deployment | None = None,
+        read_only: bool = False,
     ) -> None:
+        self._read_only = read_only
         self._interface = interface or Interface()
         self._resident = resident
         self._resident_run = "" if resident is None else resident.run
@@ -306,6 +310,8 @@ class Clock:
             self._due_ns = now_ns + IDLE_FRAME_NS  # a program is deployed: no idle frame before it
 
     def _deploy(self, call_id: CallId, deployment: Deployment, now_ns: int) -> None:
+        if self._read_only:
+            raise RefusedError("read only", READ_ONLY)
         problem = interface_problem(deployment.interface, self._interface)
         if problem is not None:
             raise RefusedError("interface", problem)
@@ -466,6 +472,7 @@ class Clock:
             clients=self._registry.statuses(now_ns),
             stopped=self._latch.stopped,
             trouble=self._latch.trouble,
+            read_only=self._read_only,
         )
 
     def _read_interface(self, call_id: CallId, arguments: object, now_ns: int) -> Interface:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from colony.ir.frame import Answer, Frame, Outcome
 from colony.ir.memory import ProgramMemory
+from colony.ir.types import ScalarValue
 from colony.runtime.protocol.messages import Request, Tick, Verdict
 
 
@@ -31,6 +32,13 @@ class FilePosition(NamedTuple):
     offset: int
     start: int
     topics: tuple[tuple[int, str], ...] = ()
+
+
+class HeardCommand(NamedTuple):
+    """A command that another controller gave an actuator: its fields in declared units, and its age."""
+
+    values: tuple[ScalarValue, ...]
+    age_ns: int
 
 
 _UNDECIDED = Outcome(())
@@ -57,6 +65,9 @@ class RunFrame:
         requests: the clients' requests in order of arrival, if they are observed.
         damaged: True if frames of the recording are missing or damaged directly before this one.
         place: the place in the file from which a reader can go on with this frame; None if it cannot.
+        heard: the command in force of another controller, for each actuator whose topic is heard; None if
+            there is none.
+        heard_breaches: the contracts that these commands broke.
     """
 
     tick: Tick
@@ -73,6 +84,8 @@ class RunFrame:
     requests: tuple[Request, ...] = ()
     damaged: bool = False
     place: FilePosition | None = None
+    heard: Mapping[str, HeardCommand | None] = field(default_factory=dict)
+    heard_breaches: tuple[str, ...] = ()
 
     @property
     def begins_epoch(self) -> bool:

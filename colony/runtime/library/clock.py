@@ -40,7 +40,8 @@ class Participants(msgspec.Struct, frozen=True, kw_only=True):
     `run` and `program` are those of the deployment, "" if there is none; `leader` is the connection that
     deployed it. `begun` is False while the Clock waits for clients to be ready; `restarts` counts the
     restarts of all memory in this run. `stopped` is the emergency stop in force; `trouble` is the reason why
-    the file of the stop could not be written or read.
+    the file of the stop could not be written or read. `read_only` is True if no program may command the
+    robot, because another controller does.
     """
 
     k: int
@@ -56,6 +57,7 @@ class Participants(msgspec.Struct, frozen=True, kw_only=True):
     clients: tuple[ClientParticipant, ...]
     stopped: Stopped | None = None
     trouble: str | None = None
+    read_only: bool = False
 
 
 class Tune(msgspec.Struct, frozen=True, kw_only=True):

@@ -13,6 +13,11 @@ from colony.ir.types import Value
 from colony.text.diagnostics import DiagnosticError
 
 
+def heard_name(command: str) -> str:
+    """Return the field in which a server that listens publishes what another controller commanded."""
+    return f"heard.{command}"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorBinding:
     """The binding of a sensor to `field` of `server`.

@@ -57,6 +57,10 @@ LIMITS_RUN = "limits"
 """Name of the run of a description's limits; the names of programs' runs begin with their dates."""
 
 
+READ_ONLY = "the robot is served with --read-only, as another controller commands it"
+"""The reason why a program is refused."""
+
+
 class ActuatorFieldSpec(msgspec.Struct, frozen=True, kw_only=True):
     """A field of an actuator; `low` and `high` are in base units, `members` are the numbers of an enum."""
 

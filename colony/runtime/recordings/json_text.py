@@ -105,6 +105,8 @@ def _reading(reading: Reading, size: int | None) -> str:
     if isinstance(reading, (list, tuple)):
         if size is not None and len(reading) != size:
             return json.dumps(f"{len(reading)} elements")  # a faulty reading, recorded as one
+        if set(map(type, reading)) == {float} and math.isfinite(sum(reading)):  # quick
+            return repr(list(reading))
         return "[" + ", ".join(map(number_text, reading)) + "]"
     if isinstance(reading, (bool, int, float)):
         return number_text(reading)

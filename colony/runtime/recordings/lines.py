@@ -16,7 +16,8 @@ Broken contracts are not written, because they follow from the rest. `@python` h
 Python (`json_text.py`). `@shadow` is true in each line of a program in the shadow of a robot, which sent
 nothing. `@sum` is the CRC-32 of everything before it, and `@keyframe`, in a line at least every half second,
 the memory from which a reader resumes after a damaged line (`json_text.py`). Beside it, `@params` has the
-params that a site set (`site.py`).
+params that a site set (`site.py`). `@heard` has the commands of another controller by actuator, each with its
+`@age_ns`, and `@heard_broken` the contracts that they broke.
 
 MCAP recordings (`mcap_writer.py`) contain more.
 """
@@ -113,6 +114,12 @@ def encoder(compiled: Compiled, *, shadow: bool = False) -> Callable[[RunFrame],
             verdict = log.verdicts.get(actuator.name)
             if verdict is not None:
                 parts.append(f"{json.dumps(actuator.name)}: {_actuator(actuator, verdict)}")
+        if log.heard:
+            parts.append(
+                f'"@heard": {json.dumps({a.name: _heard(a, log) for a in actuators if a.name in log.heard})}'
+            )
+        if log.heard_breaches:
+            parts.append(f'"@heard_broken": {json.dumps(log.heard_breaches)}')
         return add_checksum("{" + ", ".join(parts))
 
     return encode
@@ -129,6 +136,14 @@ def _actuator(actuator: Actuator, verdict: Verdict) -> str:
         return json.dumps({"by": verdict.by, **deviations}) if verdict.by or deviations else "null"
     values = zip((f.name for f in actuator.fields), verdict.values, strict=True)
     return json.dumps({"by": verdict.by, **dict(values), **deviations})
+
+
+def _heard(actuator: Actuator, log: RunFrame) -> dict[str, float | bool] | None:
+    command = log.heard[actuator.name]
+    if command is None:
+        return None
+    values = zip((f.name for f in actuator.fields), command.values, strict=True)
+    return {**dict(values), "@age_ns": command.age_ns}
 
 
 _EXPECTED_FATES = frozenset({"won", "inactive", "silent", "suppressed", "inhibited"})

@@ -22,7 +22,7 @@ from colony.files import size_text
 from colony.ir.frame import Frame
 from colony.ir.program import Actuator, Program
 from colony.ir.version import SEMANTICS, semantics_mismatch
-from colony.runtime.frames.run_frame import FilePosition, Keyframe, RunFrame
+from colony.runtime.frames.run_frame import FilePosition, HeardCommand, Keyframe, RunFrame
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.runtime.recordings.json_text import (
     AnswerMessage,
@@ -49,12 +49,13 @@ from colony.runtime.recordings.mcap_writer import (
     SITE,
     SITE_MEMBER,
     ContractsMessage,
+    HeardMessage,
     VerdictMessage,
 )
 from colony.runtime.recordings.reader import BREAKS_OFF, begins_in_middle, command_values, gaps
 from colony.runtime.recordings.recorded import RunInfo
 from colony.runtime.recordings.replay import RECORD_AGAIN, read_site
-from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, KEYFRAMES, SHADOW, VERDICTS
+from colony.runtime.recordings.schemas import CONTRACTS, FRAMES, HEARD, KEYFRAMES, SHADOW, VERDICTS
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 from colony.text.wording import counted
@@ -196,7 +197,7 @@ class McapReader:
     def _add_channel(self, channel: Channel) -> None:
         """Remember the topic of a channel, if it is one that frames are made of."""
         topic = channel.topic.removeprefix(SHADOW)
-        if topic in (FRAMES, KEYFRAMES, CONTRACTS) or topic.startswith(VERDICTS):
+        if topic in (FRAMES, KEYFRAMES, CONTRACTS) or topic.startswith((VERDICTS, HEARD)):
             self._topics[channel.id] = topic
         if len(self._topics) > MAX_CHANNELS:
             self._fail("A002", f"it has more than {MAX_CHANNELS} channels")
@@ -307,6 +308,7 @@ class _RecordedFrameAssembler:
         self._topics, self._program = topics, program
         self._chunk = -1
         self._actuators = {VERDICTS + a.name: a for a in program.robot.actuators}
+        self._heard_actuators = {HEARD + a.name: a for a in program.robot.actuators}
         self._k: int | None = None
         self._drop_messages()
         self._next_number: int | None = None
@@ -314,6 +316,7 @@ class _RecordedFrameAssembler:
         self._decode_frame = msgspec.json.Decoder(FrameMessage).decode
         self._decode_verdict = msgspec.json.Decoder(VerdictMessage).decode
         self._decode_contracts = msgspec.json.Decoder(ContractsMessage).decode
+        self._decode_heard = msgspec.json.Decoder(HeardMessage).decode
 
     @property
     def place(self) -> str:
@@ -325,6 +328,8 @@ class _RecordedFrameAssembler:
         self._frame: FrameMessage | None = None
         self._verdicts: dict[str, VerdictMessage] = {}  # by topic
         self._broken: tuple[str, ...] = ()
+        self._heard_broken: tuple[str, ...] = ()
+        self._heard: dict[str, HeardMessage] = {}  # by topic
         self._keyframe: Keyframe | None = None
 
     def take(self, message: ChunkMessage, *, damaged: bool) -> RunFrame | None:
@@ -341,7 +346,7 @@ class _RecordedFrameAssembler:
         elif topic == CONTRACTS:
             contracts = self._decode_contracts(message.data)
             done = self._begin(contracts.k, message.chunk, damaged)
-            self._broken = contracts.broken
+            self._broken, self._heard_broken = contracts.broken, contracts.heard
         elif topic == KEYFRAMES:
             members = json.loads(message.data)
             done = self._begin(members["k"], message.chunk, damaged)
@@ -350,6 +355,10 @@ class _RecordedFrameAssembler:
             verdict = self._decode_verdict(message.data)
             done = self._begin(verdict.k, message.chunk, damaged)
             self._verdicts[topic] = verdict
+        elif topic in self._heard_actuators:
+            heard = self._decode_heard(message.data)
+            done = self._begin(heard.k, message.chunk, damaged)
+            self._heard[topic] = heard
         elif topic:
             raise ValueError(f"the program has no actuator `{topic.removeprefix(VERDICTS)}`")
         else:
@@ -408,10 +417,25 @@ class _RecordedFrameAssembler:
             damaged=damaged or self._gap,
             answers=read_answers(message.python, self._program),
             place=place,
+            heard=self._heard_commands(),
+            heard_breaches=self._heard_broken,
         )
         self._gap = False
         self._drop_messages()
         return frame
+
+    def _heard_commands(self) -> dict[str, HeardCommand | None]:
+        """Return the commands of another controller, None for an actuator that it left alone."""
+        found: dict[str, HeardCommand | None] = {}
+        for topic in self._topics.values():
+            actuator, message = self._heard_actuators.get(topic), self._heard.get(topic)
+            if actuator is not None:
+                found[actuator.name] = (
+                    None
+                    if message is None
+                    else HeardCommand(command_values(actuator, message.values), message.age_ns)
+                )
+        return found
 
 
 def _readings(sensors: msgspec.Raw) -> dict[str, Any]:

@@ -43,6 +43,7 @@ from colony.runtime.recordings.replay import site_text
 from colony.runtime.recordings.schemas import (
     CONTRACTS,
     FRAMES,
+    HEARD,
     KEYFRAMES,
     REQUESTS,
     SHADOW,
@@ -107,11 +108,20 @@ class RequestsMessage(msgspec.Struct, frozen=True, kw_only=True):
     clients: dict[str, BidMessage]
 
 
-class ContractsMessage(msgspec.Struct, frozen=True, kw_only=True):
-    """A message of `/contracts`, for a frame in which one was broken."""
+class HeardMessage(msgspec.Struct, frozen=True, kw_only=True):
+    """A message of `/heard/<actuator>`, for a frame in which another controller commanded it."""
+
+    k: int
+    values: dict[str, float | bool]
+    age_ns: int
+
+
+class ContractsMessage(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A message of `/contracts`, for a frame in which one was broken, by the program or as `heard`."""
 
     k: int
     broken: tuple[str, ...]
+    heard: tuple[str, ...] = ()
 
 
 class McapRecording:
@@ -161,8 +171,14 @@ class McapRecording:
             requests = [r for r in log.requests if r.actuator == actuator.name]
             if requests:
                 self._add(REQUESTS + actuator.name, k, t_ns, self._encode(_requests(k, actuator, requests)))
-        if log.breaches:
-            self._add(CONTRACTS, k, t_ns, self._encode(ContractsMessage(k=k, broken=log.breaches)))
+            heard = log.heard.get(actuator.name)
+            if heard is not None:
+                values = _values_by_field(actuator, heard.values) or {}
+                message = HeardMessage(k=k, values=values, age_ns=heard.age_ns)
+                self._add(HEARD + actuator.name, k, t_ns, self._encode(message))
+        if log.breaches or log.heard_breaches:
+            broken = ContractsMessage(k=k, broken=log.breaches or (), heard=log.heard_breaches)
+            self._add(CONTRACTS, k, t_ns, self._encode(broken))
         self._add(FRAMES, k, t_ns, self._frame(log))
         self._last_frame_ns = log.frame.t_ns
         next_end_ns = t_ns + 2 * self._compiled.robot.frame_ns
@@ -198,7 +214,7 @@ class McapRecording:
                 create_time=0, log_time=0, name=name, media_type=media_type, data=source.data
             )
         self._channels: dict[str, int] = {}
-        for known_as, name, schema in channel_schemas(self._compiled, clients):
+        for known_as, name, schema in channel_schemas(self._compiled, clients, run.heard):
             is_unsent = run.shadow and known_as.startswith((VERDICTS, REQUESTS))
             topic = SHADOW + known_as if is_unsent else known_as
             text = json.dumps(schema).encode()

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from io import BufferedReader
+from pathlib import Path
 from typing import BinaryIO, NoReturn
 
 from colony.files import open_regular, reason
 from colony.ir.site import Site
 from colony.runtime.recordings.reader import MAGIC, FramesReader, LinesReader
 from colony.runtime.recordings.recorded import RecordingReader
-from colony.runtime.recordings.replay import CHECKSUM_PREFIX, site_of_lines
+from colony.runtime.recordings.replay import BAG_HINT, CHECKSUM_PREFIX, site_of_lines
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Source, Span
 
@@ -37,7 +39,7 @@ def read_frames(file: BinaryIO, name: str) -> RecordingReader:
             it is of another version of the semantics.
     """
     head = file.peek(len(MAGIC)) if isinstance(file, BufferedReader) else b""
-    _expect_unpacked(head, name)
+    _expect_no_other(head, name)
     if head.startswith(MAGIC):
         from colony.runtime.recordings.mcap_reader import McapReader
 
@@ -58,8 +60,13 @@ def recorded_site(reader: RecordingReader, file: BinaryIO) -> Site | None:
 
 
 def _raise_unreadable(path: str, why: str) -> NoReturn:
-    raise DiagnosticError([error("A001", Span(Source(path, ""), 0, 0), f"cannot read the recording: {why}")])
+    hint = BAG_HINT if Path(path, "metadata.yaml").is_file() else None
+    message = f"cannot read the recording: {why}"
+    raise DiagnosticError([error("A001", Span(Source(path, ""), 0, 0), message, hint)])
 
+
+_BAG = re.compile(rb"SQLite format 3\0|" + re.escape(MAGIC) + rb"\x01.{8}\x04\0\0\0ros2", re.DOTALL)
+"""First bytes of a bag of rosbag2: in SQLite, and in MCAP with its profile."""
 
 _PACKED = {
     b"\x1f\x8b": "gunzip",
@@ -72,7 +79,10 @@ _PACKED = {
 """First bytes of packed files, with the command that unpacks them."""
 
 
-def _expect_unpacked(head: bytes, name: str) -> None:
+def _expect_no_other(head: bytes, name: str) -> None:
+    if _BAG.match(head):
+        message = "this is a bag of ROS 2, not a recording"
+        raise DiagnosticError([error("A002", Span(Source(name, ""), 0, 0), message, BAG_HINT)])
     for magic, unpack in _PACKED.items():
         if head.startswith(magic):
             message = "this is a packed file, not a recording"
@@ -93,7 +103,7 @@ def read_recording(file: BinaryIO, name: str) -> RecordingReader:
         file.seek(0)
     except OSError as problem:
         _raise_unreadable(name, reason(problem))
-    _expect_unpacked(head, name)
+    _expect_no_other(head, name)
     if not head:
         raise DiagnosticError([error("A002", Span(Source(name, ""), 0, 0), "the recording is empty")])
     if head.startswith(MAGIC):

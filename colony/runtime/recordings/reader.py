@@ -14,7 +14,7 @@ import msgspec
 
 from colony.files import bounded_lines, reason
 from colony.ir.program import Actuator, Program
-from colony.runtime.frames.run_frame import FilePosition, RunFrame
+from colony.runtime.frames.run_frame import FilePosition, HeardCommand, RunFrame
 from colony.runtime.protocol.messages import Fate, Hold, Tick, Verdict
 from colony.runtime.recordings.json_text import AnswerMessage, read_answers, read_keyframe
 from colony.runtime.recordings.replay import LINE_BYTES, SHADOW, RecordingLine, Rows, line_error
@@ -173,6 +173,8 @@ class _Row(
     keyframe: dict[str, Any] | None = None
     python: dict[str, AnswerMessage] = {}
     shadow: bool = False
+    heard: dict[str, dict[str, float | bool] | None] = {}
+    heard_broken: tuple[str, ...] = ()
 
 
 class _Decision(
@@ -206,7 +208,16 @@ def _recorded_frame(tick: Tick, row: RecordingLine, program: Program, members: _
         keyframe=read_keyframe(members.keyframe),
         damaged=row.damaged,
         answers=read_answers(members.python, program),
+        heard={a.name: _heard(a, members.heard[a.name]) for a in actuators if a.name in members.heard},
+        heard_breaches=members.heard_broken,
     )
+
+
+def _heard(actuator: Actuator, members: dict[str, float | bool] | None) -> HeardCommand | None:
+    if members is None:
+        return None
+    values = {name: value for name, value in members.items() if name != "@age_ns"}
+    return HeardCommand(command_values(actuator, values), int(members["@age_ns"]))
 
 
 def _verdict(tick: Tick, actuator: Actuator, row: Any) -> Verdict:

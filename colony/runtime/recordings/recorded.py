@@ -18,7 +18,8 @@ class RunInfo:
 
     `program` is the path in `sources` of the behavior that was run, "" if the sources are unknown. `run` is
     the name of a run on a real robot, and `started` its start time as text for users.
-    `shadow` is True if the program ran in the shadow of the robot and commanded nothing. `site` has the
+    `shadow` is True if the program ran in the shadow of the robot and commanded nothing; `heard` are the
+    actuators that another controller commanded meanwhile, which a reader leaves empty. `site` has the
     params that a site set. `program_damage` is the reason why a file is missing from `sources`, "" if none
     is.
     """
@@ -33,6 +34,7 @@ class RunInfo:
     run: str = ""
     started: str = ""
     shadow: bool = False
+    heard: tuple[str, ...] = ()
     site: Site | None = None
     program_damage: str = ""
 

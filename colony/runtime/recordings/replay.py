@@ -140,12 +140,16 @@ RESERVED = frozenset(
             "@python",
             PARAMS,
             SHADOW,
+            "@heard",
+            "@heard_broken",
             "@sum",
         ),
     }
 )
 """Members of a line that are not sensors or actuators; names in a program cannot contain `@`."""
 
+
+BAG_HINT = "of a bag, `colony shadow FILE --robot NAME --bag BAG --record OUT.mcap` makes a recording"
 
 RECORD_AGAIN = "use the colony that recorded it, or record the run again"
 """Hint for recordings of another version of the semantics."""

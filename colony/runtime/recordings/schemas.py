@@ -6,6 +6,7 @@ missing values are absent, never null.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 from colony.execute.compiled import Compiled
@@ -17,6 +18,7 @@ KEYFRAMES = "/keyframes"
 CONTRACTS = "/contracts"
 VERDICTS = "/verdicts/"
 REQUESTS = "/requests/"
+HEARD = "/heard/"
 """Topics; those that end in `/` are followed by the name of an actuator."""
 
 SHADOW = "/shadow"
@@ -33,8 +35,16 @@ class ChannelSchema(NamedTuple):
     schema: Schema
 
 
-def channel_schemas(compiled: Compiled, clients: dict[str, tuple[str, ...]]) -> tuple[ChannelSchema, ...]:
-    """Return every channel of a recording; `clients` are each actuator's modules, highest priority first."""
+def channel_schemas(
+    compiled: Compiled, clients: dict[str, tuple[str, ...]], heard: Collection[str] = ()
+) -> tuple[ChannelSchema, ...]:
+    """Return every channel of a recording.
+
+    Args:
+        compiled: the program.
+        clients: each actuator's modules, highest priority first.
+        heard: the actuators that another controller commands.
+    """
     channels = [
         ChannelSchema(FRAMES, "colony.Frame", _frame(compiled)),
         ChannelSchema(KEYFRAMES, "colony.Keyframe", _keyframe()),
@@ -49,6 +59,10 @@ def channel_schemas(compiled: Compiled, clients: dict[str, tuple[str, ...]]) -> 
                 REQUESTS + actuator.name, f"colony.Requests.{actuator.name}", _requests(actuator, modules)
             ),
         ]
+        if actuator.name in heard:
+            channels.append(
+                ChannelSchema(HEARD + actuator.name, f"colony.Heard.{actuator.name}", _heard(actuator))
+            )
     return (*channels, ChannelSchema(CONTRACTS, "colony.Contracts", _contracts(compiled)))
 
 
@@ -155,10 +169,21 @@ def _requests(actuator: Actuator, modules: tuple[str, ...]) -> Schema:
     return _object(f"requests of the clients of {actuator.name}", ("k",), k=_K, clients=clients)
 
 
+def _heard(actuator: Actuator) -> Schema:
+    return _object(
+        f"command of another controller for {actuator.name}",
+        ("k", "values", "age_ns"),
+        k=_K,
+        values=_values(actuator, "command, in declared units"),
+        age_ns=_scalar("integer", "its age in ns"),
+    )
+
+
 def _contracts(compiled: Compiled) -> Schema:
     names = ", ".join(c.name for c in compiled.contracts) or "there are none"
     broken = _texts(f"broken contracts, of: {names}")
-    return _object("frames in which contracts were broken", ("k", "broken"), k=_K, broken=broken)
+    heard = _texts("contracts that the commands of another controller broke")
+    return _object("frames in which contracts were broken", ("k", "broken"), k=_K, broken=broken, heard=heard)
 
 
 def _values(actuator: Actuator, description: str) -> Schema:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from colony.ir.servers import ServerSpec
 from colony.ir.types import ScalarValue, Value
@@ -124,6 +124,21 @@ class Reading:
 
     value: Value | tuple[ScalarValue | None, ...]
     age_ns: int
+
+
+class OverheardCommand(NamedTuple):
+    """A command of another controller: its parameters by name, in the driver's units, and its age."""
+
+    values: Mapping[str, ScalarValue]
+    age_ns: int
+
+
+class ListeningDriver(Protocol):
+    """A driver that commands nothing, and hears what another controller commands."""
+
+    def overheard(self) -> Mapping[str, OverheardCommand | None]:
+        """Return the command in force for each commanded topic, or None."""
+        ...
 
 
 def problems_of(driver: object) -> tuple[str, ...]:

@@ -23,7 +23,9 @@ export class Commands {
       const command = snapshot.commands[i];
       setText(view.note, whom(command));
       setText(view.fault, command.fault ? ` ${command.fault}` : "");
-      view.fields.forEach((field, k) => field.show(command.sent?.[k] ?? null, command.low[k], command.high[k]));
+      view.fields.forEach((field, k) =>
+        field.show(command.sent?.[k] ?? null, command.low[k], command.high[k], command.heard?.[k] ?? null),
+      );
     });
   }
 }
@@ -56,10 +58,11 @@ class Field {
     this.node = element("div", { class: "field" }, element("span", { title: field.name }, field.name), this.svg, this.output);
   }
 
-  show(sent, low, high) {
+  show(sent, low, high, heard) {
     const { words, numbers, unit } = this.field;
-    const text = words.length && sent !== null ? words[numbers.indexOf(Number(sent))] : number(sent);
-    setText(this.output, sent === null ? "–" : `${text} ${unit}`);
+    const shown = (value) => (words.length ? words[numbers.indexOf(Number(value))] : number(value));
+    const beside = heard === null ? "" : ` (controller ${shown(heard)})`;
+    setText(this.output, (sent === null ? "–" : `${shown(sent)} ${unit}`) + beside);
     const value = Number(sent ?? 0);
     this.most = Math.max(this.most ?? 0, Math.abs(value), Math.abs(low ?? 0), Math.abs(high ?? 0)) || 1;
     place(this.bars.range, this.x(this.field.low ?? -this.most), this.x(this.field.high ?? this.most));
@@ -87,8 +90,8 @@ export class Judged {
     this.scene = scene;
     this.contracts = scene.contracts.map((name) => {
       const sign = element("i", { "aria-hidden": "true" });
-      const word = element("span", { class: "word" });
-      return { sign, name, word, node: element("li", {}, sign, name) };
+      const note = element("small");
+      return { sign, name, note, node: element("li", {}, sign, name, note) };
     });
     this.states = scene.states.map((state) => {
       const value = element("b");
@@ -99,9 +102,10 @@ export class Judged {
   }
 
   show(snapshot) {
-    this.contracts.forEach(({ sign, node, name }, i) => {
+    this.contracts.forEach(({ sign, node, name, note }, i) => {
       const state = snapshot.contracts[i];
       setText(sign, SIGNS[state]);
+      setText(note, snapshot.heard_broken.includes(i) ? " broken by the controller" : "");
       if (node.getAttribute("class") !== state) {
         node.setAttribute("class", state);
         node.setAttribute("title", `${name}: ${state}`);

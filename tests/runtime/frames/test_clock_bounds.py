@@ -13,7 +13,7 @@ from colony.runtime.frames.clock import IDLE_FRAME_NS, READY_TIMEOUT_NS, Clock
 from colony.runtime.frames.registry import ClientRegistry, Liveness, TickAnswers
 from colony.runtime.library import clock as library
 from colony.runtime.protocol import topics
-from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.protocol.deployment import READ_ONLY, Deployment
 from colony.runtime.protocol.messages import (
     Announcement,
     Fate,
@@ -255,6 +255,16 @@ def test_a_refusal_names_the_clock_and_the_leader(stage: Stage) -> None:
     Leader(stage, "me/1").deploy(deployed("a"))
     problem = Leader(stage, "you/1").ask(library.deploy(deployed("b"))).problem
     assert problem.message == "Clock is in the run `a`, which me/1 leads"
+
+
+def test_a_robot_that_is_read_only_takes_no_program() -> None:
+    stage = Stage(servers=(), read_only=True)
+    leader = Leader(stage, "me/1")
+    problem = leader.ask(library.deploy(deployed())).problem
+    assert problem.message == READ_ONLY
+    assert leader.who().read_only
+    stage.until(100 * MS)
+    assert {t.run for t in stage.ticks} == {""}
 
 
 def test_restarts_are_those_in_the_middle_of_a_run(stage: Stage) -> None:

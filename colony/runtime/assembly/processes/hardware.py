@@ -59,7 +59,8 @@ def load_driver(hardware: HardwareDriver) -> Any:
         why = f"`{module.__file__}` has no class `{name}`" + (f"; {hint}" if hint else "")
         raise _error(hardware, "cannot be imported", why, is_final=True)
     try:
-        return make(**_frame(make, hardware), **hardware.options)
+        listen = {"listen": True} if hardware.listens else {}
+        return make(**_frame(make, hardware), **listen, **hardware.options)
     except (Exception, SystemExit) as problem:
         raise _error(hardware, "cannot be made", _why(problem, hardware), is_final=False) from None
 

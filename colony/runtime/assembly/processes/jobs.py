@@ -127,6 +127,7 @@ def server_parts(
     pinned_variables: dict[str, Value] | None = None,
     interface: Interface | None = None,
     resident: Deployment | None = None,
+    read_only: bool = False,
 ) -> tuple[Part, ...]:
     """Return the parts of all servers of a robot.
 
@@ -139,6 +140,7 @@ def server_parts(
         pinned_variables: as in `DServerPart`.
         interface: that of the robot's description, if it has one.
         resident: the deployment of the description's limits, if it has any.
+        read_only: as in `ClockPart`.
     """
     hardware = devices.hardware
     served: list[Part] = []
@@ -158,6 +160,7 @@ def server_parts(
             stop=str(state_folder / STOP),
             interface=interface or Interface(),
             resident=resident,
+            read_only=read_only,
         ),
         *served,
         DServerPart(store=str(state_folder / STORE), fsync=fsync, pinned_variables=pinned_variables or {}),

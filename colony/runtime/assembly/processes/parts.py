@@ -86,6 +86,7 @@ def _clock(part: ClockPart, report: Report) -> tuple[Node, ...]:
         report=report,
         interface=part.interface,
         resident=part.resident,
+        read_only=part.read_only,
     )
     return clock, runtime
 
@@ -133,12 +134,14 @@ def _hardware_server(
     Raises:
         DriverError: see `hardware.load_driver`.
     """
+    from colony.ir.servers import OMNIDIRECTIONAL_RSERVER, RSERVER
     from colony.runtime.assembly.processes.hardware import (
         HardwareBase,
         close_driver,
         device_driver,
         load_driver,
     )
+    from colony.runtime.kit.listening import BaseReader, listening_server
 
     driver = load_driver(hardware)
     match part:
@@ -147,13 +150,19 @@ def _hardware_server(
 
             base = HardwareBase(driver, limits, hardware, origin_ns=origin_ns, report=report)
             resources.callback(base.close)
+            if hardware.listens:
+                spec = OMNIDIRECTIONAL_RSERVER if limits.sideways > 0.0 else RSERVER
+                return listening_server(spec, BaseReader(base), driver, report)
             return RServer(base)
         case DevicePart():
-            from colony.runtime.kit.devices import device_server
+            from colony.runtime.kit.devices import DeviceReader, device_server
 
             bound = (command.name for command in part.server.commands if command.is_bound)
             checked = device_driver(driver, hardware, bound)
             resources.callback(close_driver, driver, report)
+            if hardware.listens:
+                reader = DeviceReader(part.server, checked, report)
+                return listening_server(part.server, reader, driver, report)
             return device_server(part.server, checked, report, is_expected=True)
         case _:
             raise ValueError(f"{type(part).__name__} has no driver of users")

@@ -71,6 +71,7 @@ class HardwareDriver(msgspec.Struct, frozen=True, kw_only=True, tag="driver"):
     Drivers with the same `process` share a process. `search_path` are additional folders of its module;
     `origin` is the place that names it, for messages.
     `frame_ns` is the length of the robot's frames, which is given to a driver that has such a parameter.
+    A driver that `listens` commands nothing, and hears what another controller commands.
     """
 
     driver: str
@@ -79,6 +80,7 @@ class HardwareDriver(msgspec.Struct, frozen=True, kw_only=True, tag="driver"):
     search_path: tuple[str, ...] = msgspec.field(default=(), name="search")
     origin: str = ""
     frame_ns: int = DEFAULT_FRAME_NS
+    listens: bool = False
 
     def with_options(self, options: Mapping[str, str | int | float | bool]) -> HardwareDriver:
         """Return this driver with options in place of its own, or besides them."""
@@ -94,13 +96,14 @@ class ClockPart(msgspec.Struct, frozen=True, kw_only=True, tag="Clock"):
 
     `servers` must answer ticks; the file `stop` stores an emergency stop. `interface` is that of the robot's
     description; without parts, any program fits. `resident` has the limits of the description, if there are
-    any.
+    any. With `read_only`, every program is refused.
     """
 
     servers: tuple[str, ...]
     stop: str
     interface: Interface = Interface()
     resident: Deployment | None = None
+    read_only: bool = False
 
 
 class RServerPart(msgspec.Struct, frozen=True, kw_only=True, tag="RServer"):

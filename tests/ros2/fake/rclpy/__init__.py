@@ -87,8 +87,12 @@ class Node:
     def destroy_publisher(self, publisher) -> None:
         pass
 
-    def create_subscription(self, class_, topic, callback, qos, raw=False) -> None:
+    def create_subscription(self, class_, topic, callback, qos, raw=False) -> str:
         self.wanted[topic] = callback
+        return topic
+
+    def destroy_subscription(self, topic) -> None:
+        del self.wanted[topic]
 
     def create_timer(self, period_s, callback):
         timer = SimpleNamespace(period=period_s, callback=callback, due=0.0, is_on=True)
