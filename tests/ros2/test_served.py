@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from colony.runtime.library.leader import LEADER
 from colony.runtime.transport.live.run_directory import RunDirectory
 from tests.cli.machine import Machine, contracts_held, failed
 from tests.ros2 import burger
@@ -40,8 +41,8 @@ class Served:
         return dict(RunDirectory.find(self.machine.environment).robot("burger").running())
 
     def pid(self, server: str) -> int:
-        """Return the process id of a server."""
-        return self._running()[server]
+        """Return the process id of a server, or of the program."""
+        return self.leader.pid if server == LEADER else self._running()[server]
 
     def drives(self) -> bool:
         """Return True while the robot is commanded to move."""
@@ -77,7 +78,7 @@ def test_a_robot_of_topics_alone_is_driven_by_a_behavior(served: Served) -> None
     until(robot.stands, "ten zeros, and silence")
 
 
-@pytest.mark.parametrize("server", ["RServer", "Clock"])
+@pytest.mark.parametrize("server", ["RServer", "Clock", LEADER])
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
 def test_the_robot_hears_zero_when_a_process_dies_or_freezes(
     served: Served, server: str, number: signal.Signals
@@ -89,7 +90,10 @@ def test_the_robot_hears_zero_when_a_process_dies_or_freezes(
     if number == signal.SIGSTOP:
         os.kill(pid, signal.SIGCONT)
     assert first["t"] - began_ns < STOPPED_NS
-    until(served.drives, "it drives again")
+    if server == LEADER and number == signal.SIGKILL:
+        until(served.robot.stands, "it stands, since the program is gone")
+    else:
+        until(served.drives, "it drives again")
 
 
 def test_a_second_publisher_is_named_by_the_supervisor(served: Served) -> None:
