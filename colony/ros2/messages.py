@@ -13,13 +13,14 @@ LASER_SCAN = "sensor_msgs/msg/LaserScan"
 RANGE = "sensor_msgs/msg/Range"
 ODOMETRY = "nav_msgs/msg/Odometry"
 QUATERNION = "geometry_msgs/msg/Quaternion"
+HEADER = "std_msgs/msg/Header"
 
 _HEADER = ("header", "std_msgs/Header")
 _XYZ = (("x", "double"), ("y", "double"), ("z", "double"))
 
 STANDARD: dict[str, Definition] = {
     "builtin_interfaces/msg/Time": (("sec", "int32"), ("nanosec", "uint32")),
-    "std_msgs/msg/Header": (("stamp", "builtin_interfaces/Time"), ("frame_id", "string")),
+    HEADER: (("stamp", "builtin_interfaces/Time"), ("frame_id", "string")),
     "std_msgs/msg/Empty": (),
     "std_msgs/msg/Bool": (("data", "boolean"),),
     "std_msgs/msg/Float32": (("data", "float"),),
@@ -96,3 +97,8 @@ STANDARD: dict[str, Definition] = {
     "sensor_msgs/msg/Joy": (_HEADER, ("axes", "sequence<float>"), ("buttons", "sequence<int32>")),
 }
 """The fields of each message by the name of its type."""
+
+
+def is_action(type_: str) -> bool:
+    """Return True for the type of an action, or of a part of one."""
+    return "/action/" in type_

@@ -11,10 +11,11 @@ from typing import Any
 import pytest
 
 from colony.ros2.cdr import decode, encode, structure
-from colony.ros2.connection import CommandedTopic, HeardTopic, NodeSettings
+from colony.ros2.connection import NodeSettings
 from colony.ros2.drivers import Ros2Base, Ros2Device
 from colony.ros2.incoming import ArrivedMessage, Incoming
 from colony.ros2.messages import STANDARD
+from colony.ros2.topics import CommandedTopic, HeardTopic
 
 NODE = json.dumps({"name": "colony"})
 BOOL, STRING = "std_msgs/msg/Bool", "std_msgs/msg/String"

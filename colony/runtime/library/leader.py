@@ -39,6 +39,7 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     commanded each actuator in the newest frame, None if none did. `disagreements` counts the frames in which
     the runtime deviated from the program: it should be 0. `params` is the file with the params
     that a site set, "" for none. `faults` are the sensors with a value of the wrong type in the newest frame.
+    `broken` counts the frames in which each contract was broken, of those that were.
     """
 
     run: str
@@ -54,6 +55,7 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     processes: dict[str, int] = {}
     params: str = ""
     faults: tuple[str, ...] = ()
+    broken: dict[str, int] = {}
 
 
 class ReadVariable(msgspec.Struct, frozen=True, kw_only=True):
