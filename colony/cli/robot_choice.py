@@ -15,6 +15,7 @@ import click
 
 if TYPE_CHECKING:
     from colony.dsl.descriptions import RobotChoice
+    from colony.ir.program import Robot
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -82,17 +83,23 @@ def chosen_robot() -> RobotChoice | None:
     return None if context is None else context.meta.get(_CHOICE)
 
 
-def say_whose_name(description: str) -> None:
-    """Say if a robot that is simulated by `description` is called like no description: it may be a slip."""
+def say_whose_name(robot: Robot) -> None:
+    """Say if a simulated robot is called like no description, or like another one: it may be a slip."""
     from colony.cli.reporting import say
     from colony.dsl.descriptions import find_in_project, known_descriptions
     from colony.text.wording import did_you_mean
 
     choice = chosen_robot()
-    if choice is not None and choice.is_name and find_in_project(choice.text, Path()) is None:
+    if choice is None or not choice.is_name or choice.text == robot.name:
+        return
+    found = find_in_project(choice.text, Path())
+    if found is None:
         hint = did_you_mean(choice.text, known_descriptions(Path()))
-        text = f"`{choice.text}` is no description, but the name of the robot, a {description}"
+        text = f"`{choice.text}` is no description, but the name of the robot, a {robot.name}"
         say(f"{text}; {hint}" if hint else text)
+    elif found.resolve() != Path(robot.span.source.name).resolve():
+        text = f"`{choice.text}` is only the name of the robot here: the behavior itself imports {robot.name}"
+        say(f"{text}; with `import robot`, --robot chooses the description")
 
 
 def _only(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> str | None:

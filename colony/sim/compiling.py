@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 COMPILING = (
-    "compiling the simulator: about 20 s on an idle machine, once if the result can be cached (see "
-    "NUMBA_CACHE_DIR); its cameras by themselves, when a command first loads them"
+    "compiling the simulator, once if the result can be cached (see NUMBA_CACHE_DIR): a minute or two on an "
+    "idle machine; its cameras by themselves, when a command first loads them"
 )
 
 

@@ -264,6 +264,7 @@ def foreign() -> bytes:
 
 MISUSE: list[tuple[bytes | None, str]] = [
     (None, "run.mcap:1:1: error[A001]: cannot read the recording: No such file or directory"),
+    (b"", "run.mcap:1:1: error[A002]: the recording is empty"),
     (b"\x89PNG....", "run.mcap:1:1: error[A002]: this is not a recording: neither MCAP nor JSON lines"),
     (foreign(), "run.mcap:1:1: error[A002]: this is MCAP, but not a recording of a run"),
     (b"\x89MCAP0\r\n\x01", "error[A002]: this is MCAP, but not a recording of a run: it breaks off"),
@@ -280,7 +281,6 @@ MISUSE: list[tuple[bytes | None, str]] = [
         b'{"t": 0, "drive": 3}\n',
         "error[A004]: this is not a decision of this program: `drive` is not an object",
     ),
-    (b"", "run.mcap:1:1: error[A003]: the recording contains no frame"),
 ]
 
 

@@ -22,6 +22,8 @@ from colony.drivers.emulator import Emulator
 from colony.drivers.pioneer import firmware as pioneer_firmware
 from colony.drivers.pioneer import pioneer
 from colony.drivers.pioneer.parameters import MODELS
+from colony.runtime.kit.connection import Session
+from colony.runtime.transport.live.robot_address import Local, local
 from colony.runtime.transport.live.run_directory import RunDirectory
 from tests.cli.machine import Machine, Started, children_of, failed
 from tests.waiting import until
@@ -188,6 +190,15 @@ class Served:
     def pid(self, server: str) -> int:
         """Return the process id of a server."""
         return self._runs.robot(self.base.robot).running()[server]
+
+    @property
+    def robot_address(self) -> Local:
+        """The address of the robot that is served."""
+        return local(self.base.robot, self._machine.environment)
+
+    def session(self) -> Session:
+        """Return a session with the robot, as an outside program has one."""
+        return Session.open(self.base.robot, environment=self._machine.environment)
 
     @property
     def guard(self) -> int:

@@ -142,16 +142,24 @@ def flood(
         batched=batched,
         niceness=niceness,
     )
-    made = Flood(order)
+    with poured(order) as running:
+        yield running
+
+
+@contextmanager
+def poured(order: Order) -> Iterator[Flood]:
+    """Pour until the end of the block, or until the bounds of the order."""
+    running = Flood(order)
     try:
-        yield made
+        yield running
     finally:
-        made.kill()
+        running.kill()
 
 
 def messages(order: Order) -> Iterator[tuple[str, bytes]]:
     """Yield the keys and bytes of a flood, which opens its connection first, as honest users do."""
-    server, connection = f"colony/{ROBOT}/RServer", f"{order.user}/1"
+    robot = address_of(order.robot_address).robot
+    server, connection = f"colony/{robot}/RServer", f"{order.user}/1"
 
     def call(right: Right, number: int, method: str, arguments: object) -> tuple[str, bytes]:
         raw = msgspec.Raw(msgspec.msgpack.encode(arguments))

@@ -1,4 +1,4 @@
-"""The watch over drivers of real devices: a line when one begins to fail, and one when it works again."""
+"""The watch over a served robot: a line when a driver fails or works again, or the robot is stopped."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import closing
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.discovery import session_with
 from colony.runtime.kit.errors import RobotConnectionError
-from colony.runtime.kit.robot_state import failing_parts
+from colony.runtime.kit.robot_state import failing_parts, stopped_by
 from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.runtime.transport.live.run_directory import LiveError
 from colony.text.wording import listed
@@ -23,7 +23,7 @@ MAX_REASONS = 5
 
 
 class DriverReports:
-    """Reports which servers have a driver that fails. Mutable: remembers which do.
+    """Reports which servers have a driver that fails, and emergency stops. Mutable: remembers which do.
 
     Each reason is reported once in an outage. Servers that fail for one reason, such as those of one port,
     share a line, and so does the end of their outage.
@@ -37,6 +37,15 @@ class DriverReports:
         self._reasons: dict[str, list[str]] = {}  # of each server that fails, the newest one last
         self._recovered: dict[str, str] = {}  # the last reason of servers that work again
         self.first: dict[str, str] = {}
+        self._stopped_by = ""
+
+    def stopped(self, by: str | None) -> None:
+        """Take the connection that has stopped the robot, "" for none; None, if unknown, changes nothing."""
+        if by is None or by == self._stopped_by:
+            return
+        self._stopped_by = by
+        release = f"EMERGENCY STOP, by {by}: nothing moves until `colony stop --release`"
+        self._report(release if by else "the emergency stop was released")
 
     def update(self, found: Mapping[str, tuple[str, ...] | None]) -> None:
         """Take the parts of servers that fail; None, which changes nothing, for one that does not answer."""
@@ -68,7 +77,7 @@ class DriverReports:
 
 
 class DriverWatch:
-    """A thread that asks servers once a second which of their drivers fail, and reports changes.
+    """A thread that asks once a second for failing drivers and an emergency stop, and reports changes.
 
     Args:
         robot_address: the robot, some of whose processes may not run yet.
@@ -112,4 +121,5 @@ class DriverWatch:
                 found[server] = failing_parts(session, server)
                 if self._closed.is_set():
                     return
+            self._reports.stopped(stopped_by(session))
             self._reports.update(found)

@@ -180,7 +180,7 @@ def command(**options: Any) -> None:
     if options["watch"]:
         expect_extras("watch")
     compiled, described = load_for_run(options["file"], unproved=options["unproved"])
-    say_whose_name(compiled.robot.name)
+    say_whose_name(compiled.robot)
     picture = None if options["no_picture"] else options["picture"] or PICTURE
     with reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
         from colony.runs.spec import expect_simulable

@@ -226,7 +226,7 @@ seed_option = click.option(
     type=click.IntRange(min=0),
     default=0,
     show_default=True,
-    help="The seed of all random numbers, such as the sensors' noise.",
+    help="The seed of all random numbers: `Runtime.random` and, of a simulated robot, the sensors' noise.",
 )
 """`--seed N`."""
 

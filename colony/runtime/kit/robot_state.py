@@ -195,6 +195,16 @@ def failing_parts(session: Session, server: str) -> tuple[str, ...] | None:
         return None
 
 
+def stopped_by(session: Session) -> str | None:
+    """Return the connection that has stopped the robot, "" if none has; None if the Clock does not answer."""
+    try:
+        with session.connect(CLOCK, name=READER, timeout_s=ANSWER_TIMEOUT_S) as connection:
+            stopped = connection.do(participants()).stopped
+            return "" if stopped is None else stopped.by
+    except RobotConnectionError:
+        return None
+
+
 def _ask_details(connection: Connection, name: str) -> object:
     """Return what a server reports besides its status; None for one that has no more to report.
 

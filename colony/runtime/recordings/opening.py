@@ -94,6 +94,8 @@ def read_recording(file: BinaryIO, name: str) -> RecordingReader:
     except OSError as problem:
         _raise_unreadable(name, reason(problem))
     _expect_unpacked(head, name)
+    if not head:
+        raise DiagnosticError([error("A002", Span(Source(name, ""), 0, 0), "the recording is empty")])
     if head.startswith(MAGIC):
         from colony.runtime.recordings.mcap_reader import McapReader
 

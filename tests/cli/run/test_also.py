@@ -102,3 +102,16 @@ def test_a_robot_that_is_called_like_no_description_is_said(colony: Colony) -> N
     slip = "`omny` is no description, but the name of the robot, a rome; did you mean `omni`?\n"
     assert colony(*command, "omny").err.startswith(slip)
     assert "is no description" not in colony(*command, "lab=omni").err
+
+
+def test_a_behavior_that_imports_another_robot_than_the_one_named_is_said(
+    colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    interface = f'import "{ROOT / "robots" / "rome" / "rome.colony"}"\n'
+    text = (ROOT / "behaviors" / "wander.colony").read_text()
+    (tmp_path / "own.colony").write_text(text.replace("import robot\n", interface))
+    command = ("run", "own.colony", "--map", LOOP, "--duration", "0.1", "--no-picture", "--robot")
+    slip = "`amr` is only the name of the robot here: the behavior itself imports rome"
+    assert slip in colony(*command, "amr").err
+    assert "only the name" not in colony(*command, "lab").err

@@ -55,3 +55,14 @@ def test_the_reasons_of_an_outage_are_limited() -> None:
     assert len(reports) == MAX_REASONS
     drivers.update({"Lidar": FINE})
     assert reports[-1] == "Lidar works again"
+
+
+def test_a_stop_and_its_release_are_one_line_each() -> None:
+    reports: list[str] = []
+    drivers = DriverReports(reports.append)
+    for by in (None, "", "ada/1", "ada/1", None, "", ""):
+        drivers.stopped(by)
+    assert reports == [
+        "EMERGENCY STOP, by ada/1: nothing moves until `colony stop --release`",
+        "the emergency stop was released",
+    ]
