@@ -117,6 +117,26 @@ def _run(robot: str, run: RunStatus, acting: Mapping[str, str]) -> Diagnosis:
     return Diagnosis(level, f"{robot}: run", "; ".join([*errors, *warnings]) or "runs", values)
 
 
+def params_of(state: RobotState) -> list[tuple[str, str | float | bool, str]]:
+    """Return the params that a site set for the run: the name, the value and the meaning of each.
+
+    Numbers without a unit and bools are values of ROS; others are text, as the language writes them.
+    """
+    run = state.run
+    if run is None:
+        return []
+    return [(name, _param(text), f"set by {run.params}") for name, text in run.site.items()]
+
+
+def _param(text: str) -> str | float | bool:
+    if text in ("true", "false"):
+        return text == "true"
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
 # --- winners --------------------------------------------------------------------------------------
 
 
@@ -251,7 +271,8 @@ class RobotIntrospection:
                 packet: dict[str, Any] = {"winner": listener.text}
                 if (now_s := time.monotonic()) >= due_s:
                     due_s = now_s + REPORT_INTERVAL_S
-                    packet["diagnostics"] = list(diagnoses(state_of(session, self._robot_address)))
+                    state = state_of(session, self._robot_address)
+                    packet |= {"diagnostics": list(diagnoses(state)), "params": params_of(state)}
                 self._send(packet)
                 self._wake.wait(max(0.0, due_s - time.monotonic()))
 

@@ -60,7 +60,9 @@ BEHAVIOR = """
 language 1
 import robot
 
-let is_clear = min(ranges[-30 deg .. 30 deg]) >= 0.6 m
+param clearance = 0.6 m
+
+let is_clear = min(ranges[-30 deg .. 30 deg]) >= clearance
 let is_on    = battery > 20 percent and mode == work.automatic
 
 module ahead { when is_on and is_clear  do drive(velocity = 0.2 m/s, turn = 0) }

@@ -250,8 +250,19 @@ def fill(message, values: dict) -> None:
     for name, value in values.items():
         if isinstance(value, dict):
             fill(getattr(message, name), value)
+        elif isinstance(value, list):
+            setattr(message, name, [made(each) for each in value])
         else:
             setattr(message, name, value)
+
+
+def made(value):
+    """Return an element of a sequence: a message is its type and its values."""
+    if not isinstance(value, list):
+        return value
+    message = message_class(value[0])()
+    fill(message, value[1])
+    return message
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from colony.ros2.introspection import (
     RobotIntrospection,
     WinnerListener,
     diagnoses,
+    params_of,
     press,
     winner_of,
 )
@@ -127,6 +128,15 @@ def test_a_run_is_diagnosed(changes: dict[str, Any], level: int, message: str) -
     assert found.values["program"] == "patrol.colony"
     assert found.values.get("drive/turn late, lost") == ("2, 1" if changes.get("clients") else None)
     assert one(robot(), "run").message == "no program runs"
+
+
+def test_params_are_those_that_the_site_set() -> None:
+    run = msgspec.structs.replace(
+        RUN, params="lab.toml", site={"gain": "0.5", "on": "true", "reach": "0.6 m"}
+    )
+    rows = [(name, value) for name, value, _ in params_of(robot(run=run))]
+    assert rows == [("gain", 0.5), ("on", True), ("reach", "0.6 m")]
+    assert params_of(robot()) == []
 
 
 # --- winners --------------------------------------------------------------------------------------

@@ -25,7 +25,9 @@ def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     with ExitStack() as stack:
         ros = Ros(folder)
         stack.callback(ros.close)
-        found = Served(ros, folder)
+        site = folder / "lab.toml"
+        site.write_text('clearance = "0.7 m"\n')
+        found = Served(ros, folder, "--params", str(site), "--unproved")
         stack.enter_context(closing(found.machine))
         until(found.drives, "it drives", patience_s=PATIENCE_S)
         yield found
@@ -91,3 +93,31 @@ def test_diagnostics_have_the_servers_and_the_run(served: Served) -> None:
     until(lambda: diagnosis(robot, "burger: RServer") == ("b'\\x02'", why), why, patience_s=PATIENCE_S)
     robot.set(second=None)
     until(lambda: diagnosis(robot, "burger: RServer") == ("b'\\x00'", "up"), "it is alone again")
+
+
+def test_params_are_those_of_the_deployment_and_cannot_be_set(served: Served) -> None:
+    robot, name = served.robot, "params.clearance"
+
+    def value() -> dict[str, Any]:
+        found = answer(
+            robot, "/colony/get_parameters", "rcl_interfaces/srv/GetParameters", names=[name, "use_sim_time"]
+        )
+        return found["values"][0] if found["values"] else {}
+
+    until(lambda: value().get("string_value") == "0.7 m", "it is declared", patience_s=PATIENCE_S)
+    listed = answer(
+        robot, "/colony/list_parameters", "rcl_interfaces/srv/ListParameters", prefixes=["params"]
+    )
+    assert listed["result"]["names"] == [name]
+    found = answer(
+        robot,
+        "/colony/set_parameters",
+        "rcl_interfaces/srv/SetParameters",
+        parameters=[
+            ["rcl_interfaces/msg/Parameter", {"name": name, "value": {"type": 4, "string_value": "1 m"}}]
+        ],
+    )
+    assert not found["results"][0]["successful"]
+    assert found["results"][0]["reason"].startswith(f"{name} is read-only")
+    served.leader.interrupt()
+    until(lambda: value().get("type", 0) == 0, "it is gone with the program", patience_s=PATIENCE_S)

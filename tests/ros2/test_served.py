@@ -26,7 +26,7 @@ STOPPED_NS = 300_000_000
 class Served:
     """The foreign robot, served, and driven by a program. Mutable: its processes."""
 
-    def __init__(self, ros: Ros, folder: Path) -> None:
+    def __init__(self, ros: Ros, folder: Path, *options: str) -> None:
         self.machine = Machine(folder)
         program = burger.write(folder, ros.python)
         self.robot: Foreign = ros.foreign(others=burger.OTHERS, hears={"lamp": "std_msgs/msg/Float64"})
@@ -34,7 +34,9 @@ class Served:
         self.recording = str(folder / "run.mcap")
         self.supervisor = self.machine.start("serve", "all", "--robot", named, "--hardware")
         until(lambda: failed(self.supervisor) or "RServer" in self._running(), "it is served")
-        self.leader = self.machine.start("drive", str(program), "--robot", named, "--record", self.recording)
+        self.leader = self.machine.start(
+            "drive", str(program), "--robot", named, "--record", self.recording, *options
+        )
 
     def _running(self) -> dict[str, int]:
         return dict(RunDirectory.find(self.machine.environment).robot("burger").running())

@@ -65,6 +65,8 @@ class RunStatusTracker:
         self._pids: Callable[[], Mapping[str, int]] = dict
         self._faults: tuple[str, ...] = ()
         self._broken: Counter[str] = Counter()
+        site = None if compiled is None else compiled.site
+        self._site = () if site is None else site.values
 
     def set_pids(self, pids: Callable[[], Mapping[str, int]]) -> None:
         """Set the function that returns the run's live processes; it may be called in any thread."""
@@ -153,6 +155,7 @@ class RunStatusTracker:
             params=self._params,
             faults=self._faults,
             broken=dict(self._broken),
+            site=dict(self._site),
             clients=tuple(
                 ClientStanding(
                     address=address,
