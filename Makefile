@@ -34,6 +34,7 @@ test-thorough: $(DEV)
 
 ros2: $(DEV)
 	-ROS2_RELEASE=$(RELEASE) $(BIN)/python -m tests.ros2.environment
+	-ROS2_RELEASE=$(RELEASE) $(BIN)/python -m tests.ros2.nav2
 	ROS2_RELEASE=$(RELEASE) $(BIN)/python -m pytest -n 0 -rs -m ros2 tests/ros2
 
 browser: $(DEV)

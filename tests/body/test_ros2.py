@@ -10,13 +10,12 @@ import pytest
 from colony.body.disagreements import findings as all_findings
 from colony.body.model import Body
 from colony.body.reader import body_of_text
-from colony.body.ros2 import GOAL_STATES
 from colony.body.servers import in_ros_units, servers_of
 from colony.dsl.load import load_text
 from colony.ir.program import Robot
 from colony.ir.servers import ServerSpec
 from colony.runs.ros2_devices import ros2_hardware
-from tests.ros2.burger import BODY, INTERFACE
+from tests.ros2.burger import BODY, GOING, INTERFACE, NAV
 
 
 def loaded(interface: str = INTERFACE, body: str = BODY) -> tuple[Robot, Body]:
@@ -144,22 +143,6 @@ def test_drivers_get_their_topics_and_what_the_interface_says_of_them() -> None:
 
 
 # --- actions --------------------------------------------------------------------------------------
-
-GOALS = f"enum goal {{ {', '.join(f'{state} = {i}' for i, state in enumerate(GOAL_STATES))} }}"
-GOING = INTERFACE.replace("enum work", f"{GOALS}\nenum work").replace(
-    "  actuator lamp",
-    "  sensor   journey : goal  from Nav.status\n"
-    "  sensor   left : mm       from Nav.distance_remaining  within 2 s\n"
-    "  sensor   tries : number  from Nav.tries               within 2 s\n"
-    "  actuator goto { x : m, y : m, heading : deg } to Nav.goto idle hold\n"
-    "  actuator lamp",
-)
-NAV = """
-[server.Nav]
-ros2.goto.action   = "navigate_to_pose"
-ros2.goto.type     = "nav2_msgs/action/NavigateToPose"
-ros2.goto.feedback = { tries = "number_of_recoveries" }
-"""
 
 
 def test_an_action_is_a_command_and_its_feedback_are_fields() -> None:

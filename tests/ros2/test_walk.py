@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import time
 from collections.abc import Callable
+from contextlib import suppress
 
 import pytest
 
 from colony.ros2.drivers import Ros2Device
+from colony.runs.ros2_devices import ros2_hardware
+from tests.body.test_ros2 import loaded
 from tests.cli.machine import children_of
+from tests.ros2.burger import BODY, GOING, NAV
+from tests.ros2.environment import existing
+from tests.ros2.nav2 import has_nav2
 from tests.ros2.ros import STATES, WALKING, Ros, Walker
 from tests.waiting import until
 
@@ -135,6 +142,34 @@ def test_a_goal_of_a_killed_server_is_lost_and_sent_to_the_next_one(ros: Ros) ->
     last = ros.walker()
     until(lambda: walk.driver.problem is None, "it is back", patience_s=PATIENCE_S)
     assert not last.said("asked")
+
+
+def test_nav2_gets_the_pose_that_is_commanded_and_says_how_far_it_is(ros: Ros) -> None:
+    made = existing()
+    if made is None or not has_nav2(made):
+        pytest.skip("there is no nav2_msgs: `python -m tests.ros2.nav2` builds it")
+    robot, body = loaded(GOING, BODY + NAV)
+    topics = str(ros2_hardware("Nav", body, robot).options["topics"])
+    server, reports = ros.walker(nav2=True), list[str]()
+    driver = Ros2Device(ros.node(), topics, connection=ros.connection(reports.append))
+
+    def value(name: str) -> object:
+        reading = driver.fields()[name]
+        return None if reading is None else reading.value
+
+    def step() -> bool:
+        time.sleep(0.05)
+        with suppress(ConnectionError):
+            driver.command("goto", {"x": 4.0, "y": -1.5, "heading": 0.0})
+        return value("tries") == 3.0
+
+    until(step, f"feedback: {driver.problem}, {reports}", patience_s=PATIENCE_S)
+    half = math.sqrt(0.5)  # north is yaw 90 degrees
+    assert server.said("asked") == [["map", 4.0, -1.5, pytest.approx(half), pytest.approx(half)]]
+    assert value("status") == float(STATES.index("executing"))
+    assert isinstance(value("distance_remaining"), float)
+    driver.safe()
+    until(lambda: server.said("ended"), "it is canceled", patience_s=PATIENCE_S)
 
 
 def bridge_of(pid: int) -> int:
