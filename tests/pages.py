@@ -46,6 +46,7 @@ NOT_RUN = {
     "^ *colony drive ": "needs a robot that is served; tests/cli/run and tests/cli/test_your_robot.py",
     "^ *colony shadow ": "needs a robot that is served; tests/cli/test_shadow.py",
     "^colony data ": "needs a robot that is served; tests/cli/test_data.py",
+    "^colony params (list$|set|reset|save)": "needs a robot that runs; tests/cli/test_params.py",
     "^colony sim hold ": "needs a robot that is served; tests/cli/sim",
     r"connect\(.*, priority=50\)": "needs a robot that is served; tests/test_runtime_page.py",
     "^(touch|rm) go|^cat hitch": "are for a robot that is served; tests/cli/test_your_robot.py",
@@ -238,7 +239,7 @@ class Runner:
             return
         path = Path(block.file or "example.colony")
         path.write_text(block.text if alone else self._interface + block.text, encoding="utf-8")
-        checked = check_file(path, robot=self._robot if "import robot" in block.text else None)
+        checked = check_file(path, robot=(self._robot or "rome") if "import robot" in block.text else None)
         found = [d for d in checked.diagnostics if d.severity == "error"]
         if checked.program is not None and "from python" not in block.text:
             found += failures_as_diagnostics(run_examples(checked.program))

@@ -19,7 +19,7 @@ from random import Random
 from typing import NamedTuple
 
 from colony.ir import expression as ir
-from colony.ir.frame import Outcome
+from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Actuator, Contract, Module, Program
 from colony.ir.types import BOOL
 from colony.verify.claims import any_of, binary, constant, negation
@@ -31,6 +31,7 @@ from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
 from colony.verify.testing.frames import Choices, draw_trace
 from colony.verify.testing.guided import disturbed_run
 from tests.drawn.strategies import run_of_seed
+from tests.drawn.tunables import with_tunables
 from tests.verify.symbolic.trust import held_against
 from tools.outlining import outlined_disagreement
 
@@ -44,9 +45,15 @@ Findings = tuple[Counts, list[str]]
 Check = Callable[[int], Findings]
 
 
-def executors(seed: int, network: bool) -> Findings:
+def _drawn(seed: int, tunable: bool) -> tuple[Program, tuple[Frame, ...]]:
+    """Return a drawn program and a trace; with `tunable`, some of its number sensors are tunable params."""
+    program, trace = run_of_seed(seed)
+    return (with_tunables(program, Random(f"tunables {seed}")) if tunable else program), trace
+
+
+def executors(seed: int, *, network: bool = False, tunable: bool = False) -> Findings:
     """Compare all executors with the interpreter over one drawn trace."""
-    program, trace = run_of_seed(seed, network=network)
+    program, trace = run_of_seed(seed, network=True) if network else _drawn(seed, tunable)
     found = disagreement(program, trace, ALL_EXECUTORS)
     counts = Counter(programs=1, frames=len(trace))
     return counts, [] if found is None else [f"seed {seed}: {found}"]
@@ -66,9 +73,9 @@ def formulas(seed: int) -> Findings:
     return counts, [f"seed {seed}: {difference}" for difference in tally.differences]
 
 
-def verdicts(seed: int) -> Findings:
+def verdicts(seed: int, *, tunable: bool = False) -> Findings:
     """Break what is proved by drawn traces, and replay what is refuted."""
-    program = with_weaker_contracts(run_of_seed(seed)[0], Random(seed))
+    program = with_weaker_contracts(_drawn(seed, tunable)[0], Random(seed))
     results = {result.contract.name: result for result in prove_contracts(program, _OPTIONS)}
     counts = Counter(type(result).__name__.lower() for result in results.values())
     findings, proved = list[str](), Holding(set(), set(), set())
@@ -213,11 +220,13 @@ def main() -> int:
     some = range(given.seed, given.seed + given.contracts)
     checks: Iterator[tuple[str, Check, range]] = iter(
         (
-            ("executors, whole programs", partial(executors, network=False), whole),
+            ("executors, whole programs", executors, whole),
             ("executors, networks", partial(executors, network=True), whole),
             ("executors, with functions and inputs", outlined, some),
             ("formulas", formulas, some),
             ("verdicts", verdicts, some),
+            ("executors, tunable params", partial(executors, tunable=True), some),
+            ("verdicts, tunable params", partial(verdicts, tunable=True), some),
         )
     )
     results = [run(name, check, seeds, given.workers) for name, check, seeds in checks]

@@ -65,7 +65,7 @@ def disagreements(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnost
     yield from _identity(robot, body, file)
     servers = servers_of(body, robot)
     for sensor in robot.sensors:
-        if sensor.sent is None:
+        if sensor.of_robot:
             yield from _sensor(sensor, servers, body, file)
     for actuator in robot.actuators:
         yield from _actuator(actuator, servers, body, file)
@@ -396,7 +396,7 @@ def _range(actuator: Actuator, field: ActuatorField, limit: float, file: BodyFil
 
 def _topics(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
     """Yield an error for each topic of ROS 2 that cannot be what the interface declares."""
-    sensors = {(s.server, s.field): s for s in reversed(robot.sensors) if s.sent is None}
+    sensors = {(s.server, s.field): s for s in reversed(robot.sensors) if s.of_robot}
     commands = {(a.server, a.command) for a in robot.actuators}
     for name, server in body.servers.items():
         if isinstance(body.device(name), BaseSpec):
@@ -452,7 +452,7 @@ def _goals(
 
 def _unread(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
     """Yield a warning for each server, and each field of a server, that the interface does not name."""
-    read = {(s.server, s.field) for s in robot.sensors if s.sent is None}
+    read = {(s.server, s.field) for s in robot.sensors if s.of_robot}
     named = {server for server, _ in read} | {a.server for a in robot.actuators}
     for name, server in body.servers.items():
         if name not in named:

@@ -14,13 +14,13 @@ from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.reporting import say
 from colony.cli.robot_options import (
     connect_option,
-    expect_robot_with_endpoint,
     reporting_connection_errors,
     robot_address_of,
     robot_option,
+    running_robot,
     security_option,
 )
-from colony.runtime.kit.discovery import running_robots, session_with
+from colony.runtime.kit.discovery import session_with
 from colony.text.wording import printable
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def _reads(robot: str | None, connect: str | None, security: Path | None) -> Ite
 
     with (
         suppress(RobotConnectionError),
-        session_with(robot_address_of(_robot(robot, connect), connect, security)) as session,
+        session_with(robot_address_of(running_robot(robot, connect, SERVER), connect, security)) as session,
     ):
         if LEADER in session.servers():
             with session.connect(LEADER, name="colony data") as leader:
@@ -195,7 +195,7 @@ def _dserver(robot: str | None, connect: str | None, security: Path | None) -> I
 
     with (
         reporting_connection_errors(),
-        session_with(robot_address_of(_robot(robot, connect), connect, security)) as session,
+        session_with(robot_address_of(running_robot(robot, connect, SERVER), connect, security)) as session,
         session.connect(SERVER, name="colony data") as server,
     ):
         try:
@@ -205,20 +205,6 @@ def _dserver(robot: str | None, connect: str | None, security: Path | None) -> I
         except CallRefusedError as problem:
             say(f"colony: error: {problem.message}")
             raise click.exceptions.Exit(EXIT_ERRORS) from None
-
-
-def _robot(robot: str | None, connect: str | None) -> str:
-    if robot is not None:
-        return robot
-    expect_robot_with_endpoint(robot, connect)
-    names = [name for name, servers in running_robots().items() if SERVER in servers]
-    if not names:
-        raise click.ClickException(f"no robot with a {SERVER} runs on this machine")
-    if len(names) > 1:
-        raise click.UsageError(
-            f"several robots run on this machine: give --robot NAME; found {', '.join(names)}"
-        )
-    return names[0]
 
 
 def _names(server: Connection, prefix: str) -> Iterator[str]:

@@ -40,6 +40,7 @@ COMMANDS = {
     "ps": "show the running robots and their state",
     "stop": "stop robots immediately, in an emergency",
     "data": "list, read, set and delete shared variables",
+    "params": "list and change tunable params while a robot runs",
     "explain": "explain why the robot did what it did, or did not",
     "audit": "compare a recorded run with the reference interpreter",
     "map": "draw a map",

@@ -76,6 +76,28 @@ def expect_robot_with_endpoint(robot: str | None, connect: str | None) -> None:
         raise click.UsageError("--connect ENDPOINT requires --robot NAME, the robot behind the gateway")
 
 
+def running_robot(robot: str | None, connect: str | None, server: str) -> str:
+    """Return the name of the robot; if none is given, of the one on this machine that has this server.
+
+    Raises:
+        click.UsageError: several have it, or the robot is behind a gateway.
+        click.ClickException: none has it.
+    """
+    if robot is not None:
+        return robot
+    from colony.runtime.kit.discovery import running_robots
+
+    expect_robot_with_endpoint(robot, connect)
+    names = [name for name, servers in running_robots().items() if server in servers]
+    if not names:
+        raise click.ClickException(f"no robot with a {server} runs on this machine")
+    if len(names) > 1:
+        raise click.UsageError(
+            f"several robots run on this machine: give --robot NAME; found {', '.join(names)}"
+        )
+    return names[0]
+
+
 @contextmanager
 def reporting_connection_errors() -> Iterator[None]:
     """If a robot cannot be reached, report that in one line and exit with 2."""

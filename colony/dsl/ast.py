@@ -243,7 +243,7 @@ class BearingDecl(SyntaxNode):
 
 @record
 class SensorDecl(NamedNode):
-    """`sensor name[size] : type ... from server.field ...`."""
+    """`sensor name[size] : type ... from server.field ...`; as a declaration of a file, `input name ...`."""
 
     size: Expression | None
     type: TypeName
@@ -322,7 +322,9 @@ class RobotImportDecl(SyntaxNode):
 
 @record
 class ParamDecl(NamedValue):
-    """`param name = value`."""
+    """`param name = value`, or with an interval `tunable param name = value in low .. high`."""
+
+    interval: RangeNode | None = None
 
 
 @record
@@ -560,6 +562,7 @@ Declaration = (
     | EnumDecl
     | ImportDecl
     | RobotImportDecl
+    | SensorDecl
     | ParamDecl
     | LetDecl
     | FunctionDecl

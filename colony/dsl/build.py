@@ -88,6 +88,8 @@ class TreeBuilder:
             **_extent(c),
         )
 
+    program_input = sensor
+
     def second(self, c: Children) -> Any:
         """Return the part that follows the word or bracket."""
         return c[1]
@@ -164,7 +166,12 @@ class TreeBuilder:
 
     def param(self, c: Children) -> ast.ParamDecl:
         """Build a param declaration."""
-        return ast.ParamDecl(name=_name(c[1]), value=c[3], **_extent(c))
+        return ast.ParamDecl(name=_name(c[1]), value=c[3], start=_start(c), end=_end(c))
+
+    def tunable_param(self, c: Children) -> ast.ParamDecl:
+        """Build the declaration of a tunable param."""
+        interval = ast.RangeNode(low=c[6], high=c[8], start=c[6].start, end=c[8].end)
+        return ast.ParamDecl(name=_name(c[2]), value=c[4], interval=interval, start=_start(c), end=_end(c))
 
     def let(self, c: Children) -> ast.LetDecl:
         """Build a let declaration."""

@@ -141,7 +141,7 @@ def find_body(robot: Robot) -> Path | None:
     It stands beside the interface (`body_beside`). That of a compiled program, which knows the place of its
     interface no more, is the one of the description that is called like the robot.
     """
-    declared = [*(s for s in robot.sensors if s.sent is None), *robot.actuators]
+    declared = [*(s for s in robot.sensors if s.of_robot), *robot.actuators]
     place = Path(declared[0].span.source.name) if declared else None
     if place is None or not place.is_file():
         found = find_description(robot.name, Path(), None) if re.fullmatch(r"\w+", robot.name) else None

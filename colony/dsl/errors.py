@@ -57,6 +57,7 @@ CODES: dict[str, str] = {
     "E309": "a wrong frame period",
     "E310": "two members of an enum have one number",
     "E311": "wrong bearings",
+    "E312": "an input of a program that is no variable",
     "E320": "no robot is chosen for `import robot`",
     "E321": "a description of a robot that cannot be used",
     "E322": "another robot is chosen than the program declares",

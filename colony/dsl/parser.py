@@ -108,13 +108,13 @@ def _parser() -> Lark:
 # Imported only after an error, since compiling its patterns would add to the start-up time of every command.
 
 _DECLARATION = re.compile(
-    r"^([ \t]*)(?:(?:robot|enum|import|param|let|state|next|machine|(?:failsafe[ \t]+)?module|network|limit"
-    r"|contract|reach|test)"
+    r"^([ \t]*)(?:(?:robot|enum|import|input|(?:tunable[ \t]+)?param|let|state|next|machine"
+    r"|(?:failsafe[ \t]+)?module|network|limit|contract|reach|test)"
     r"(?:[ \t]+[A-Za-z_\"{]|[ \t]*[{\"]))",
     re.MULTILINE,
 )
 _DECLARED = re.compile(
-    r"\b(?:robot|enum|param|let|state|machine|module|sensor|actuator|as)[ \t]+([A-Za-z_]\w*)"
+    r"\b(?:robot|enum|param|input|let|state|machine|module|sensor|actuator|as)[ \t]+([A-Za-z_]\w*)"
     r"|^[ \t]*([A-Za-z_]\w*)[ \t]*=(?!=)",
     re.MULTILINE,
 )
@@ -124,7 +124,7 @@ CONTEXTUAL_KEYWORDS = frozenset(
     "ROBOT FRAME JITTER SENSOR ACTUATOR RANGE DEFAULT WITHIN FROM TO IDLE ON_LOSS STOP DEGRADE ENUM "
     "IMPORT AS PARAM LET STATE NEXT MACHINE START WHEN MODULE DO PYTHON READS COMMANDS RATE "
     "NETWORK LIMIT CONTRACT TEST AT EVERY GIVEN EXPECT FOR ACTIVE COMMANDED LANGUAGE FAILSAFE TAKEN "
-    "AGO INPUT BEARING STEP TIME REACH".split()
+    "AGO INPUT BEARING STEP TIME REACH TUNABLE".split()
 )
 """Contextual keywords (except `any`, which is used where phase names are)."""
 

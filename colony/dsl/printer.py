@@ -134,8 +134,8 @@ def _declaration(node: ast.Declaration) -> str:
             return f"enum {node.name.text} {{ {_arguments(node.members)} }}\n"
         case ast.ImportDecl(path=path, alias=alias):
             return f'import "{path}"{f" as {alias.text}" if alias else ""}\n'
-        case ast.RobotImportDecl():
-            return "import robot\n"
+        case ast.RobotImportDecl() | ast.SensorDecl():
+            return f"input {_sensor(node)}\n" if isinstance(node, ast.SensorDecl) else "import robot\n"
         case ast.ParamDecl() | ast.LetDecl() | ast.FunctionDecl() | ast.StateDecl() | ast.NextDecl():
             return _clause(node) + "\n"
         case ast.MachineDecl():
@@ -169,7 +169,7 @@ def _robot_item(item: ast.RobotItem) -> str:
             around = "" if jitter is None else f" jitter {print_expression(jitter)}"
             return f"frame {print_expression(period)}{around}"
         case ast.SensorDecl():
-            return _sensor(item)
+            return f"sensor {_sensor(item)}"
         case ast.ActuatorDecl():
             return _actuator(item)
 
@@ -199,7 +199,7 @@ def _sensor(item: ast.SensorDecl) -> str:
     default = "" if item.default is None else f" default {print_expression(item.default)}"
     within = "" if item.within is None else f" within {print_expression(item.within)}"
     type_ = f"{_type(item.type)}{_bearing(item.bearing)}{_range(item.range)}"
-    head = f"sensor {item.name.text}{size} : {type_}{default}"
+    head = f"{item.name.text}{size} : {type_}{default}"
     return f"{head} from {item.server.text}.{item.field.text}{within}"
 
 
@@ -228,7 +228,11 @@ def _clause(node: ast.Clause) -> str:
             parameters = ", ".join(map(_parameter, node.parameters))
             return f"let {node.name.text}({parameters}) = {print_expression(node.value)}"
         case ast.ParamDecl():
-            return f"param {node.name.text} = {print_expression(node.value)}"
+            param = f"param {node.name.text} = {print_expression(node.value)}"
+            if node.interval is None:
+                return param
+            low, high = print_expression(node.interval.low), print_expression(node.interval.high)
+            return f"tunable {param} in {low} .. {high}"
         case ast.LetDecl():
             return f"let {node.name.text} = {print_expression(node.value)}"
         case ast.StateDecl():

@@ -21,7 +21,7 @@ from colony.dsl.files import UnreadableFileError, decode
 from colony.dsl.site import SiteParams, SiteValue
 from colony.files import read_file, reason, size_text
 from colony.ir.site import Site
-from colony.text.diagnostics import Diagnostic, error
+from colony.text.diagnostics import Diagnostic, error, headline
 from colony.text.source import Source, Span
 from colony.text.toml_places import MAX_DOTS, places
 
@@ -102,6 +102,41 @@ def params_from_values(values: Mapping[str, object], name: str) -> SiteParams:
         is_text, key_span = isinstance(value, str), Span(source, start, end)
         found.append(SiteValue(name=key, text=text, is_text=is_text, key=key_span, place=where))
     return SiteParams(file=name, values=tuple(found), diagnostics=tuple(diagnostics))
+
+
+class SavedParamsError(Exception):
+    """A file of params cannot take values; the message says why."""
+
+
+def saved_params(path: Path, values: Mapping[str, str]) -> str:
+    """Return the text of a file of params, which need not exist, with these values by full name.
+
+    Everything else stays as it is; values that it did not have come before its first table.
+
+    Raises:
+        OSError: the file cannot be read.
+        SavedParamsError: it is not a file of params.
+    """
+    text = ""
+    if path.exists():
+        found = read_params(path)
+        if found.diagnostics:
+            raise SavedParamsError(headline(found.diagnostics[0]))
+        text = path.read_text(encoding="utf-8")
+        given = {value.name: value.place for value in found.values}
+        for name, place in sorted(given.items(), key=lambda item: -item[1].start):
+            if name in values:
+                text = f'{text[: place.start]}"{values[name]}"{text[place.end :]}'
+        values = {name: value for name, value in values.items() if name not in given}
+    table = re.search(r"^[ \t]*\[", text, re.MULTILINE)
+    at = len(text) if table is None else table.start()
+    before = text[:at] + ("\n" if text[:at] and not text[:at].endswith("\n") else "")
+    added = "".join(f'{name} = "{value}"\n' for name, value in values.items())
+    saved = before + added + ("\n" if added and text[at:] else "") + text[at:]
+    problems = params_from_toml(Source(str(path), saved)).diagnostics
+    if problems:  # such as a key beside a table of the same name
+        raise SavedParamsError(headline(problems[0]))
+    return saved
 
 
 def params_of(site: Site | None) -> SiteParams | None:

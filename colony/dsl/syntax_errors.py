@@ -22,7 +22,10 @@ RESERVED = frozenset(
 )
 
 DECLARATION_STARTS = frozenset(
-    "ROBOT ENUM IMPORT PARAM LET STATE NEXT MACHINE FAILSAFE MODULE NETWORK LIMIT CONTRACT REACH TEST".split()
+    (
+        "ROBOT ENUM IMPORT INPUT TUNABLE PARAM LET STATE NEXT MACHINE FAILSAFE MODULE NETWORK LIMIT CONTRACT "
+        "REACH TEST"
+    ).split()
 )
 _KEYWORDS = frozenset(name.lower() for name in DECLARATION_STARTS) | {"when", "do"}
 _SLIP_HINTS = {
@@ -60,7 +63,7 @@ _SLIP_HINTS = {
 
 _CONTEXT_HINTS = {
     **dict.fromkeys(("sensor", "actuator", "frame"), "it belongs inside `robot NAME { ... }`"),
-    **dict.fromkeys(("input", "when", "do"), "it belongs inside `module NAME { ... }`"),
+    **dict.fromkeys(("when", "do"), "it belongs inside `module NAME { ... }`"),
     **dict.fromkeys(("reads", "commands", "rate"), "it belongs inside a Python module"),
     **dict.fromkeys(("at", "given", "expect"), 'it belongs inside `test "TITLE" { ... }`'),
 }
@@ -192,10 +195,15 @@ def _punctuation_hint(text: str, offset: int, found: str, accepted: frozenset[st
     return None
 
 
+_INPUT_OF_A_FILE = re.compile(r"^[ \t]*input\b[^{}]*\Z", re.MULTILINE)
+
+
 def _word_hint(before: str, found: str, accepted: frozenset[str]) -> str | None:
+    if {"FROM", "DEFAULT"} <= accepted and _INPUT_OF_A_FILE.search(before):
+        return "an input of a file is `from DServer.NAME`; those of modules stand in `module NAME { ... }`"
     if found == "if" and "LPAR" in accepted and "NUMBER" in accepted:
         return "an `if` to the right of an operator needs parentheses"
-    if found in ("input", "let", "param", "state", "next") and "DO" in accepted:
+    if found in ("input", "let", "param", "tunable", "state", "next") and "DO" in accepted:
         return f"`{found}` belongs before `when`"
     if found == "do" and {"WHEN", "LET"} <= accepted:
         return "`when` comes before `do`; write `when true` for always"

@@ -58,8 +58,8 @@ def command_named(name: str, server: ServerSpec) -> CommandSpec | None:
 
 def declaration_misfits(declared: Sensor | Actuator, servers: Sequence[ServerSpec]) -> Iterator[Diagnostic]:
     """Yield the errors of a sensor or actuator that no server has like this."""
-    if isinstance(declared, Sensor) and declared.sent is not None:
-        return  # of an actuator, whose server is checked with it
+    if isinstance(declared, Sensor) and (declared.sent is not None or declared.tunable):
+        return  # of an actuator, whose server is checked with it, or of a tick
     server = server_named(declared.server, servers)
     if server is None:
         hint = name_hint(declared.server, (s.name for s in servers))

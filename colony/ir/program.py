@@ -36,7 +36,9 @@ class Sensor(Declared):
 
     `unit` is the declared unit, if any, and `factor` its size in base units: a reading is multiplied by it.
     `low` and `high` (inclusive; readings are clamped to them) and `default`, which fills an array, are in
-    base units. `sent` is not None for `last.ACTUATOR.FIELD` (see `sent_sensor`).
+    base units. `sent` is not None for `last.ACTUATOR.FIELD` (see `sent_sensor`). A `tunable` one is a param
+    that users change during a run, between `low` and `high`; each tick has its value. An `own` one is an
+    input that the program declares.
     """
 
     type: Type
@@ -49,6 +51,13 @@ class Sensor(Declared):
     field: str
     within_ns: int | None = None
     sent: tuple[str, int] | None = None
+    tunable: bool = False
+    own: bool = False
+
+    @property
+    def of_robot(self) -> bool:
+        """True for a sensor of the robot's interface, False for one that the program adds to it."""
+        return self.sent is None and not self.tunable and not self.own
 
 
 @record
@@ -76,6 +85,9 @@ class Actuator(Declared):
     idle: tuple[ScalarValue, ...] | None
     on_loss: Literal["stop", "degrade"] = "stop"
 
+
+TUNABLE_SERVER = "Clock"
+"""The node whose ticks have the values of tunable params."""
 
 SENT = "last"
 """First part of the name of what an actuator was given in the frame before."""

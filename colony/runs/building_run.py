@@ -24,6 +24,7 @@ from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.script_node import ScriptNode
 from colony.runtime.observe.summary import Tally, Travel
 from colony.runtime.protocol.bindings import bind
+from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.drivers import Plant, simulated_drivers
 from colony.sim.mechanism import nothing_given
@@ -158,7 +159,7 @@ def _mujoco_world(spec: RunSpec, body: Body, floor: WorldMap) -> Physics:
 def _players(scenario: Scenario | None) -> Iterator[ScriptNode]:
     """Yield the script that sets DServer's variables as the scenario says, if it says anything of them."""
     if scenario is not None and scenario.variables:
-        yield ScriptNode("scenario", player(scenario.variables), (DSERVER.name,))
+        yield ScriptNode("scenario", player(scenario.variables), (DSERVER.name, CLOCK))
 
 
 def _run(

@@ -20,7 +20,7 @@ from typing import NamedTuple
 from colony.execute.intake import converted
 from colony.files import read_file, reason
 from colony.ir.fitting import name_hint
-from colony.ir.program import Robot, Sensor
+from colony.ir.program import TUNABLE_SERVER, Robot, Sensor
 from colony.ir.servers import DSERVER, PROXIMITY, RSERVER, RUNTIME, FieldSpec
 from colony.ir.types import (
     Array,
@@ -36,6 +36,10 @@ from colony.ir.types import (
 )
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data
+from colony.runtime.library.clock import tune
+from colony.runtime.protocol.calls import RefusedError
+from colony.runtime.protocol.deployment import tunables_of, tuned_with
+from colony.runtime.protocol.topics import CLOCK
 from colony.sim.mechanism import GivenTimeline, GivenValue
 from colony.text.units import (
     BASE_UNITS,
@@ -171,6 +175,9 @@ MAX_BYTES = 1 << 20
 SET_INTERVAL_S = 0.1
 """Seconds between two times that a variable is set, so that it stays fresh."""
 
+_PLAYED = (DSERVER.name, TUNABLE_SERVER)
+"""The servers that a script gives values, instead of a device."""
+
 _LINE = re.compile(r"at\s+(\S+(?:\s*[A-Za-z]+)?)\s+([A-Za-z_].*)")
 _COMMA = re.compile(r",(?![^\[]*\])")
 _SIMULATED = {
@@ -218,13 +225,13 @@ class Scenario:
 
     @property
     def variables(self) -> tuple[ReadingChange, ...]:
-        """The changes of DServer's variables."""
-        return tuple(change for change in self.changes if change.sensor.server == DSERVER.name)
+        """The changes of DServer's variables and of tunable params."""
+        return tuple(change for change in self.changes if change.sensor.server in _PLAYED)
 
     @property
     def fields(self) -> tuple[ReadingChange, ...]:
         """The changes of what devices read."""
-        return tuple(change for change in self.changes if change.sensor.server != DSERVER.name)
+        return tuple(change for change in self.changes if change.sensor.server not in _PLAYED)
 
 
 def setting(robot: Robot, text: str) -> ReadingChange:
@@ -294,7 +301,12 @@ def _change(robot: Robot, t_ns: int, text: str) -> ReadingChange:
     sensor = sensor_named(robot, name)
     expect_givable(name, sensor.server)
     try:
-        return ReadingChange(t_ns, sensor, None if value == "missing" else parse_value(sensor, value))
+        change = ReadingChange(t_ns, sensor, None if value == "missing" else parse_value(sensor, value))
+        if sensor.tunable and isinstance(change.value, int | float):
+            tuned_with(tunables_of(robot), {}, {sensor.name: change.value})
+        return change
+    except RefusedError as problem:
+        raise GivenValueError(problem.problem.message) from None
     except GivenValueError as problem:
         raise GivenValueError(f"{name}: {problem}") from None
 
@@ -305,6 +317,8 @@ def player(
     held: Mapping[str, Value] | None = None,
 ) -> Script:
     """Return a script that sets variables of DServer as a scenario says, again and again until it changes.
+
+    Tunable params are changed once; `missing` sets one back to the value at the start of the run.
 
     Args:
         changes: the changes, in chronological order.
@@ -317,13 +331,20 @@ def player(
     while True:
         now_ns, begun_ns = (yield from sleep(0.0)), begin_ns()
         t_ns = 0 if begun_ns is None else now_ns - begun_ns
+        tuned: dict[str, float | None] = {}
         while i < len(changes) and changes[i].t_ns <= t_ns:
             _, sensor, value = changes[i]
+            if sensor.tunable and begun_ns is None:
+                break  # there is no program yet
             i += 1
-            if value is not None:
+            if sensor.tunable:
+                tuned[sensor.name] = None if value is None else float(value)  # type: ignore[arg-type]
+            elif value is not None:
                 now[sensor.field] = value
             elif now.pop(sensor.field, None) is not None:
                 yield from do(DSERVER.name, data.delete(sensor.field))
+        if tuned:
+            yield from do(CLOCK, tune(tuned))
         if now:
             yield from do(DSERVER.name, data.set_many(now))
         due_s = (changes[i].t_ns - t_ns) / 1e9 if i < len(changes) else SET_INTERVAL_S

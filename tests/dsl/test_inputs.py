@@ -159,7 +159,7 @@ ERRORS = [
     ("module a { input x : mm when x < 3 s }", "E201", "a value in mm and a value in s", ""),
     ("module a { input x : mm when true param y = sonar[x..3] }", "E005", "found `param`", "before `when`"),
     ("module a { when true input x : mm }", "E005", "found `input`", "`input` belongs before `when`"),
-    ("input x : mm", "E005", "found `input`", "it belongs inside `module NAME"),
+    ("input x : mm", "E005", "expected `bearing`, `default`, `from` or `range`", "in `module NAME"),
 ]  # fmt: skip
 
 

@@ -5,13 +5,20 @@ from __future__ import annotations
 import pytest
 
 from tests.sampling import sampled
-from tools.drawn_programs import outlined, verdicts
+from tools.drawn_programs import executors, outlined, verdicts
 
 
 @pytest.mark.parametrize("seed", sampled(range(2, 42), every=20, thorough=True))
 def test_drawn_traces_show_what_is_said_of_contracts(seed: int) -> None:
     _, findings = verdicts(seed)
     assert not findings
+
+
+@pytest.mark.parametrize("seed", sampled(range(2, 42), every=20, thorough=True))
+def test_proofs_hold_for_all_values_of_tunable_params(seed: int) -> None:
+    for check in (executors, verdicts):
+        _, findings = check(seed, tunable=True)
+        assert not findings
 
 
 @pytest.mark.parametrize("seed", sampled(range(40), every=5, thorough=True))

@@ -31,6 +31,7 @@ from colony.runtime.library import clock, data
 from colony.runtime.protocol.messages import UNHEARD, Request, SentMessage, Tick
 from colony.runtime.transport.faults import FaultRates
 from tests.drawn.strategies import run_of_seed
+from tests.drawn.tunables import draw_values, with_tunables
 from tests.runtime.transport.live.stage import robot_address, run_directory
 from tools.layouts.devices import Command, devices_of, on_devices
 from tools.layouts.faults import Failure, Guard
@@ -48,6 +49,9 @@ LAYOUTS: dict[str, Places] = {
 MS = 1_000_000
 LEASE_NS = 250 * MS
 """Time after which a server or client counts as lost, as `frames/registry.py` has it."""
+
+TUNINGS = 30
+"""Changes of tunable params in a run."""
 
 RATES = FaultRates(lost=0.01, duplicated=0.01, late=0.01, reordered=0.03)
 
@@ -110,6 +114,8 @@ def run_in(
 ) -> Run:
     """Run a program in a layout, with the faults of a seed; from the second attempt on, hold up messages."""
     plan = draw_plan(Random(f"faults {seed}"), compiled.frame_ns, parts_of(program, compiled))
+    if any(s.tunable for s in program.robot.sensors):
+        plan = plan._replace(events=(*plan.events, *_tunings(Random(f"tunings {seed}"), plan.length_ns)))
     guard = Guard(seed, plan.rates, plan.failures)
     held_up = Random(f"{seed}/{attempt}").random
     traffic = Traffic(lambda: max(0.0, held_up() - 0.7) / 200 if attempt else 0.0)
@@ -118,7 +124,7 @@ def run_in(
         with closing(
             Stage(program, compiled, address, readings, places=LAYOUTS[layout], guard=guard, traffic=traffic)
         ) as stage:
-            _play(stage, plan, program.robot.frame_ns)
+            _play(stage, program, plan, Random(f"values {seed}"))
             heard, commands = tuple(stage.heard), tuple(stage.plant.commands)
     in_order = plan.rates is None and not plan.failures
     return _result(program, heard, commands, stage.logs, in_order=in_order)
@@ -137,8 +143,15 @@ def parts_of(program: Program, compiled: Compiled) -> tuple[str, ...]:
     )
 
 
-def _play(stage: Stage, plan: Plan, frame_ns: int) -> None:
-    """Run a program from its deployment on."""
+def _tunings(random: Random, length_ns: int) -> Iterator[tuple[int, str]]:
+    """Yield the times at which tunable params change."""
+    for _ in range(TUNINGS):
+        yield BEGIN_NS + random.randrange(length_ns), "tune"
+
+
+def _play(stage: Stage, program: Program, plan: Plan, random: Random) -> None:
+    """Run a program from its deployment on; `random` draws the values of its tunable params."""
+    frame_ns = program.robot.frame_ns
     stage.lead()
     operator = stage.operator()
     moments = [
@@ -157,6 +170,8 @@ def _play(stage: Stage, plan: Plan, frame_ns: int) -> None:
                 stage.stop(operator)
             case "release":
                 operator.ask("Clock", clock.release())
+            case "tune":
+                operator.ask("Clock", clock.tune(draw_values(program, random)))
             case "leave":
                 stage.leave()
             case "lead":
@@ -262,13 +277,14 @@ Messages are held up at random in these runs, so that the hosts handle those of 
 def compare(seed: int, layouts: tuple[str, ...] | None = None) -> tuple[Counter[str], list[str]]:
     """Run the program of a seed in several layouts; return counts and what differs."""
     drawn, trace = run_of_seed(seed, network=bool(seed % 2))
-    program = on_devices(drawn)
+    program = on_devices(with_tunables(drawn, Random(f"tunables {seed}")))
     compiled = compile_program(program).compiled
     readings = [frame.readings for frame in trace]
     chosen = layouts or ("run", "served" if seed % 4 < 2 else "mission", "isolated")
     runs = {layout: [run_in(layout, program, compiled, readings, seed)] for layout in chosen}
     one, *others = chosen
     counts = Counter(programs=1, frames=len(runs[one][0].compared["frames"]))
+    counts["tunings"] = TUNINGS * any(s.tunable for s in program.robot.sensors)
     counts["messages"] = sum(len(v) for k, v in runs[one][0].compared.items() if k.startswith("heard"))
     found = list[str]()
     for other in others:

@@ -40,6 +40,8 @@ def on_devices(program: Program) -> Program:
     sensors = tuple(
         replace(s, server=servers[s.sent[0]])
         if s.sent is not None
+        else s
+        if s.tunable
         else replace(s, server=SENSOR_SERVERS[i % len(SENSOR_SERVERS)], field=s.name)
         for i, s in enumerate(program.robot.sensors)
     )

@@ -10,7 +10,14 @@ from colony.dsl.check.checker import Checker, sent_field
 from colony.dsl.check.compatibility import constant_value, with_article
 from colony.dsl.check.declare import RESTARTED
 from colony.dsl.check.references import actuator_named, report_unknown
-from colony.dsl.check.scope import BrokenSymbol, LetSymbol, SensorSymbol, ValueSymbol
+from colony.dsl.check.scope import (
+    BrokenSymbol,
+    LetSymbol,
+    ModuleSymbol,
+    SensorSymbol,
+    TunableSymbol,
+    ValueSymbol,
+)
 from colony.ir import program as ir
 from colony.ir.expression import (
     Binary,
@@ -183,7 +190,7 @@ def _given(checker: Checker, node: ast.GivenDecl) -> list[ir.GivenReading]:
     if node.sensor.path[0] == ir.SENT:
         sent = sent_field(checker, node.sensor)
         return [] if sent is None else _given_to(checker, node, sent)
-    symbol = checker.scope.robot.values.get(node.sensor.text) or _renamed_sensor(checker, node.sensor)
+    symbol = checker.scope.robot.values.get(node.sensor.text) or _program_sensor(checker, node.sensor)
     if not isinstance(symbol, SensorSymbol):
         if not isinstance(symbol, BrokenSymbol) and not checker.scope.may_be_lost(node.sensor.text):
             hint = checker.report.suggest(node.sensor.text, checker.scope.robot.values)
@@ -194,12 +201,24 @@ def _given(checker: Checker, node: ast.GivenDecl) -> list[ir.GivenReading]:
     return _given_to(checker, node, symbol.sensor)
 
 
-def _renamed_sensor(checker: Checker, node: ast.Reference) -> ValueSymbol | None:
-    """Return the sensor to which a `let NAME = SENSOR`, or one of that, gives another name."""
+def _program_sensor(checker: Checker, node: ast.Reference) -> ValueSymbol | None:
+    """Return an input or tunable param of the program, or the sensor that a `let NAME = SENSOR` renames."""
     scope, path = checker.scope.resolve(node.path)
     symbol = scope.value(path[0]) if len(path) == 1 else None
+    module = scope.network_symbol(path[0]) if len(path) == 2 else None
+    if isinstance(module, ModuleSymbol):
+        symbol = module.members.get(path[1])
     robot = checker.scope.robot
-    return robot.values.get(robot.renamed.get(symbol.name, "")) if isinstance(symbol, LetSymbol) else None
+    match symbol:
+        case TunableSymbol(sensor=sensor):
+            robot.tunables[sensor.name] = sensor
+            return SensorSymbol(sensor=sensor)
+        case SensorSymbol():
+            return symbol
+        case LetSymbol(name=name):
+            return robot.values.get(robot.renamed.get(name, ""))
+        case _:
+            return None
 
 
 def _given_to(checker: Checker, node: ast.GivenDecl, sensor: ir.Sensor) -> list[ir.GivenReading]:

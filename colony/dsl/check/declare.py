@@ -58,6 +58,7 @@ def _declared_names(scope: FileScope) -> Iterator[ast.NameNode]:
                 yield from (p.name for p in parameters)
             case (
                 ast.EnumDecl()
+                | ast.SensorDecl()
                 | ast.ParamDecl()
                 | ast.LetDecl()
                 | ast.StateDecl()
@@ -72,6 +73,7 @@ def _declared_names(scope: FileScope) -> Iterator[ast.NameNode]:
 # --- declare ------------------------------------------------------------------------------------------
 
 VALUE_DECLARATIONS = (
+    ast.SensorDecl,
     ast.EnumDecl,
     ast.ParamDecl,
     ast.LetDecl,
@@ -128,7 +130,9 @@ def _declare(report: CheckReport, scope: FileScope) -> None:
                 report.error(scope, "E102", node.name, f"the robot has a sensor `{node.name.text}` already")
             elif _declare_once(report, scope, values, node.name):
                 scope.visible_values[node.name.text] = scope
-                if isinstance(node, ast.EnumDecl | ast.ParamDecl):
+                if isinstance(node, ast.EnumDecl) or (
+                    isinstance(node, ast.ParamDecl) and node.interval is None
+                ):
                     scope.constant_names.add(node.name.text)
         elif isinstance(node, MODULE_DECLARATIONS):
             if node.name.text in actuators:

@@ -8,10 +8,11 @@ a template, from which others are derived; it is no module of the program.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
-from colony.dsl.check.compatibility import as_declared, with_article, without_wildcard
+from colony.dsl.check.compatibility import as_declared, unit_of, with_article, without_wildcard
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.robot import argument_hint, check_parameter, check_type, takes, what_it_takes
 from colony.dsl.check.scope import (
@@ -23,14 +24,16 @@ from colony.dsl.check.scope import (
     ParamSymbol,
     RobotScope,
     StateSymbol,
+    TunableSymbol,
     TypedParameter,
     ValueSymbol,
 )
-from colony.dsl.check.site_values import site_param
+from colony.dsl.check.site_values import declared_unit, site_param
 from colony.ir import program as ir
 from colony.ir.expression import DerivedValue, Expression, SensorValue
-from colony.ir.types import BOOL, Enum, Scalar, ScalarValue
+from colony.ir.types import BOOL, DIMENSIONLESS, Enum, Quantity, Scalar, ScalarValue, Value, unit_shown
 from colony.record import Record, record
+from colony.text.diagnostics import Label, error
 from colony.text.units import BASE_UNITS
 
 # --- derived -------------------------------------------------------------------------------------------
@@ -39,13 +42,85 @@ from colony.text.units import BASE_UNITS
 
 
 def check_param(checker: Checker, node: ast.ParamDecl, full_name: str) -> ParamSymbol | BrokenSymbol:
-    """Check a named constant; what a site sets for its full name stands in for its value."""
+    """Check a param; what a site sets for its full name stands in for its value."""
     found = checker.constant(node.value, None, f"param `{node.name.text}`")
     if found is None:
         return BrokenSymbol()
     given = checker.scope.site.get(full_name)
     own = ParamSymbol(type=without_wildcard(found.type), value=found.value)
-    return own if given is None else site_param(checker, given, own, node)
+    if node.interval is None:
+        return own if given is None else site_param(checker, given, own, node)
+    tunable = _tunable(checker, node, node.interval, full_name, own)
+    if tunable is None:
+        return BrokenSymbol()
+    symbol = tunable if given is None else site_param(checker, given, tunable, node)
+    if given is not None and isinstance(symbol, ParamSymbol):
+        outside = outside_text(tunable, symbol.value)
+        if outside is not None:
+            label = Label(checker.span(node), "the param is declared here")
+            message = f"`{given.name}` is {outside}"
+            checker.report.diagnostics.append(error("E704", given.place, message, None, label))
+            return BrokenSymbol()
+        symbol = with_value(tunable, symbol.value)
+    return symbol
+
+
+def _tunable(
+    checker: Checker, node: ast.ParamDecl, interval: ast.RangeNode, full_name: str, own: ParamSymbol
+) -> TunableSymbol | None:
+    """Return a param that may change within its interval while the program runs."""
+    if not isinstance(own.type, Quantity):
+        message = f"a tunable param is a number; this is {with_article(own.type)}"
+        checker.error("E303", node.value, message, "leave `tunable` out, or read a variable of DServer")
+        return None
+    unit = declared_unit(node)
+    if unit is None:
+        unit = "" if own.type == DIMENSIONLESS else unit_shown(own.type).text
+    low = checker.constant_in(interval.low, own.type, unit, "the lower bound of an interval")
+    high = checker.constant_in(interval.high, own.type, unit, "the upper bound of an interval")
+    if low is None or high is None:
+        return None
+    if low > high:
+        message = "the interval is empty: its lower bound is above its upper bound"
+        checker.error("E303", interval, message, "swap the bounds")
+        return None
+    sensor = ir.Sensor(
+        name=full_name,
+        span=checker.span(node.name),
+        type=own.type,
+        unit=unit,
+        factor=float(unit_of(unit).factor) if unit else 1.0,
+        low=float(low),
+        high=float(high),
+        default=float(own.value),  # type: ignore[arg-type]
+        server=ir.TUNABLE_SERVER,
+        field=full_name,
+        tunable=True,
+    )
+    symbol = TunableSymbol(type=own.type, value=own.value, sensor=sensor)
+    outside = outside_text(symbol, own.value)
+    if outside is not None:
+        checker.error("E304", node.value, f"`{node.name.text}` is {outside}")
+        return None
+    return symbol
+
+
+def outside_text(symbol: TunableSymbol, value: Value) -> str | None:
+    """Return a text if a value is outside of the interval of a tunable param; None if it is inside."""
+    sensor = symbol.sensor
+    assert sensor.low is not None
+    assert sensor.high is not None
+    if sensor.low <= value <= sensor.high:  # type: ignore[operator]
+        return None
+    low, high = (f"{bound / sensor.factor:.9g} {sensor.unit}".rstrip() for bound in (sensor.low, sensor.high))
+    return f"outside of its interval, {low} .. {high}"
+
+
+def with_value(symbol: TunableSymbol, value: Value, name: str | None = None) -> TunableSymbol:
+    """Return a tunable param with another value, and with another full name if one is given."""
+    full_name = name or symbol.sensor.name
+    sensor = replace(symbol.sensor, name=full_name, field=full_name, default=float(value))  # type: ignore[arg-type]
+    return TunableSymbol(type=symbol.type, value=value, sensor=sensor)
 
 
 def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:

@@ -22,6 +22,8 @@ from colony.dsl.check.inputs import (
     check_state,
     input_readings,
     let_symbol,
+    outside_text,
+    with_value,
 )
 from colony.dsl.check.references import actuator_named, resolve_network_symbol, resolve_reference
 from colony.dsl.check.robot import command_arguments
@@ -32,6 +34,7 @@ from colony.dsl.check.scope import (
     ModuleSymbol,
     ParamSymbol,
     StateSymbol,
+    TunableSymbol,
     ValueSymbol,
     label,
     span_of,
@@ -71,12 +74,12 @@ class Template(Record):
 class CheckedModules(Record):
     """The modules of a program, and the lets that their inputs are.
 
-    `templates` is the number of modules with inputs that are not bound; they are not part of the program.
+    `templates` are the modules with inputs that are not bound; they are not part of the program.
     """
 
     modules: tuple[ir.AnyModule, ...]
     input_lets: tuple[ir.Let, ...]
-    templates: int
+    templates: frozenset[str]
 
 
 @record
@@ -137,7 +140,9 @@ def check_modules(report: CheckReport, declared: list[PendingModule]) -> Checked
     for pending in declared:
         if pending.full_name not in checked:
             pending.scope.network_symbols[pending.node.name.text] = BrokenSymbol()
-    return CheckedModules(modules=tuple(modules), input_lets=tuple(input_lets), templates=len(template_names))
+    return CheckedModules(
+        modules=tuple(modules), input_lets=tuple(input_lets), templates=frozenset(template_names)
+    )
 
 
 def _derivation(node: ModuleNode) -> str | None:
@@ -222,7 +227,7 @@ def _derive(
     known_inputs = [c.name.text for c in base.node.clauses if isinstance(c, ast.InputDecl)]
     declared: dict[str, ValueSymbol] = {}
     quiet = ExpressionChecker(scope=base.scope, report=CheckReport(), local=declared)
-    _params(quiet, base, declared)
+    _params(quiet, base, base.owner, declared)
     params, inputs = dict(base.params), dict(base.inputs)
     given: set[str] = set()
     is_valid = base.is_valid
@@ -246,7 +251,10 @@ def _derive(
         found = checker.constant(argument.value, None, f"param `{name}`", _computed_param(name, param))
         if found is None or not isinstance(param, ParamSymbol):
             continue
-        if fits(found.type, param.type):
+        outside = outside_text(param, found.value) if isinstance(param, TunableSymbol) else None
+        if outside is not None and fits(found.type, param.type):
+            checker.error("E404", argument.value, f"param `{name}` is {outside}")
+        elif fits(found.type, param.type):
             params[name] = ParamSymbol(type=param.type, value=found.value)
         else:
             expected = f"param `{name}` of `{node.base.text}` is {with_article(param.type)}"
@@ -353,7 +361,7 @@ def _module(
     names = frozenset(c.name.text for c in node.clauses if not isinstance(c, ast.NextDecl))
     checker = replace(checker, module_names=names)
     _report_duplicates(checker, node.clauses)
-    params = _params(checker, template, local)
+    params = _params(checker, template, full_name, local)
     states = _states(checker, full_name, _clauses(node, ast.StateDecl), local)
     lets: list[ir.Let] = []
     for clause in node.clauses:
@@ -393,14 +401,21 @@ def _report_duplicates(checker: Checker, clauses: tuple[ast.Clause | ast.PythonC
 
 
 def _params(
-    checker: Checker, template: Template, local: dict[str, ValueSymbol]
+    checker: Checker, template: Template, module: str, local: dict[str, ValueSymbol]
 ) -> tuple[tuple[str, ScalarValue], ...]:
-    """Return the params in order, as written or overridden; each may read those above it."""
+    """Return the constant params in order, as written or overridden; each may read those above it.
+
+    Tunable ones are named after `module`, the full name of the module that has them.
+    """
     params: list[tuple[str, ScalarValue]] = []
     for clause in _clauses(template.node, ast.ParamDecl):
         name = clause.name.text
         symbol: ParamSymbol | BrokenSymbol = check_param(checker, clause, f"{template.owner}.{name}")
-        local[name] = symbol = template.params.get(name, symbol)
+        given = template.params.get(name, symbol)
+        if isinstance(symbol, TunableSymbol) and isinstance(given, ParamSymbol):
+            local[name] = with_value(symbol, given.value, f"{module}.{name}")
+            continue
+        local[name] = symbol = given
         if isinstance(symbol, ParamSymbol):
             params.append((name, symbol.value))  # type: ignore[arg-type]
     return tuple(params)
@@ -461,7 +476,12 @@ def _python_module(
     """Check a module whose step is Python. Its class is not imported: checking runs no user code."""
     before = len(checker.report.diagnostics)
     _report_duplicates(checker, node.clauses)
-    params = _params(checker, template, local)
+    params = _params(checker, template, pending.full_name, local)
+    for clause in _clauses(node, ast.ParamDecl):
+        if isinstance(local.get(clause.name.text), TunableSymbol):
+            message = "the class of a module in Python is built once, with its params"
+            hint = f"declare `input {clause.name.text} : TYPE`, and bind a tunable param to it"
+            checker.error("E406", clause, message, hint)
     if not _PYTHON_PATH.fullmatch(node.path):
         hint = 'for example "center_hallway:CenterHallway"'
         checker.error("E405", node, f'"{node.path}" does not name a class as "package.module:Class"', hint)

@@ -29,7 +29,7 @@ from colony.dsl.check.inputs import (
 )
 from colony.dsl.check.modules import PendingModule, check_modules
 from colony.dsl.check.phases import phase_findings
-from colony.dsl.check.robot import check_enum, check_robot, literal_frame_period
+from colony.dsl.check.robot import check_enum, check_input, check_robot, literal_frame_period
 from colony.dsl.check.scope import (
     BrokenSymbol,
     CheckReport,
@@ -37,6 +37,7 @@ from colony.dsl.check.scope import (
     FileScope,
     MachineSymbol,
     RobotScope,
+    SensorSymbol,
     StateSymbol,
     WireSymbol,
 )
@@ -79,6 +80,7 @@ class _Check:
     def run(self) -> ir.Program | None:
         self._constants()
         robot = self._robot()
+        inputs = self._inputs()
         derived = self._derived()
         checked = check_modules(self.report, self._pending_modules())
         modules = list(checked.modules)
@@ -93,7 +95,7 @@ class _Check:
             None in limits
             or None in tests
             or len(contracts) < self._count(ast.ContractDecl)
-            or len(modules) + checked.templates < self._count(*MODULE_DECLARATIONS)
+            or len(modules) + len(checked.templates) < self._count(*MODULE_DECLARATIONS)
             or len(derived) < self._count(ast.LetDecl, ast.StateDecl, ast.MachineDecl)
         ), "a declaration was left out without an error"
         derived = self._with_inputs(derived, checked.input_lets)
@@ -101,7 +103,9 @@ class _Check:
         self._look_at_phases(derived)
         sent = sorted(self.robot.sent.values(), key=lambda sensor: _place(robot, sensor))
         return ir.Program(
-            robot=replace(robot, sensors=(*robot.sensors, *sent)),
+            robot=replace(
+                robot, sensors=(*robot.sensors, *inputs, *sent, *self._tunables(checked.templates))
+            ),
             derived=tuple(derived),
             modules=tuple(modules),
             wires=tuple(wires),
@@ -157,6 +161,16 @@ class _Check:
             )
         self.robot.title = f"the robot `{node.name.text}` ({first_checker.scope.file.source.name})"
         return check_robot(first_checker, node)
+
+    def _inputs(self) -> list[ir.Sensor]:
+        """Check the inputs of files: variables of DServer beside the sensors of the robot."""
+        inputs: list[ir.Sensor] = []
+        for checker, node in self._each(ast.SensorDecl):
+            sensor = check_input(checker, node)
+            symbol = BrokenSymbol() if sensor is None else SensorSymbol(sensor=sensor)
+            if checker.scope.values.setdefault(node.name.text, symbol) is symbol and sensor is not None:
+                inputs.append(sensor)
+        return inputs
 
     def _derived(self) -> list[ir.Derived]:
         """Check derived values: states and machines can be read anywhere, lets only below themselves."""
@@ -284,6 +298,11 @@ class _Check:
             if found is not None:
                 contracts[full_name] = found
         return list(contracts.values())
+
+    def _tunables(self, templates: frozenset[str]) -> tuple[ir.Sensor, ...]:
+        """Return the tunable params that the program reads, without those of templates."""
+        found = self.robot.tunables
+        return tuple(found[name] for name in sorted(found) if name.rpartition(".")[0] not in templates)
 
     # --- warnings
 

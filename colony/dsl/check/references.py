@@ -32,6 +32,7 @@ from colony.dsl.check.scope import (
     PlaceholderSymbol,
     SensorSymbol,
     StateSymbol,
+    TunableSymbol,
     ValueSymbol,
     WireSymbol,
 )
@@ -107,6 +108,13 @@ def _value(checker: Checker, node: ast.Reference, symbol: ValueSymbol) -> ir.Exp
     span = checker.span(node)
     match symbol:
         case SensorSymbol(sensor=sensor):
+            return ir.SensorValue(type=sensor.type, name=sensor.name, span=span)
+        case TunableSymbol(sensor=sensor):
+            if checker.constants_only:
+                message = f"`{node.text}` is tunable, so it is not constant"
+                checker.error("E204", node, message, "name what is computed from it with `let`")
+                return None
+            checker.scope.robot.tunables[sensor.name] = sensor
             return ir.SensorValue(type=sensor.type, name=sensor.name, span=span)
         case ParamSymbol(type=type_, value=value):
             return ir.Constant(type=type_, value=value, span=span)

@@ -21,6 +21,7 @@ from colony.dsl.check.scope import (
     TypedParameter,
 )
 from colony.ir import program as ir
+from colony.ir.servers import DSERVER
 from colony.ir.types import (
     BOOL,
     DIMENSIONLESS,
@@ -176,6 +177,18 @@ def _default(
 
 def _factor(unit: str) -> float:
     return float(unit_of(unit).factor) if unit else 1.0
+
+
+def check_input(checker: Checker, node: ast.SensorDecl) -> ir.Sensor | None:
+    """Check an input of the program: a sensor that reads a variable of DServer."""
+    if node.server.text != DSERVER.name:
+        message = f"an input of a program reads a variable of {DSERVER.name}, found `{node.server.text}`"
+        checker.error(
+            "E312", node.server, message, "the robot's interface declares the sensors of other servers"
+        )
+        return None
+    sensor = _sensor(checker, node)
+    return None if sensor is None else replace(sensor, name=checker.scope.full_name(sensor.name), own=True)
 
 
 def _sensor(checker: Checker, item: ast.SensorDecl) -> ir.Sensor | None:

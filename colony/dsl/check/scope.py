@@ -182,6 +182,13 @@ class ParamSymbol(Record):
 
 
 @record
+class TunableSymbol(ParamSymbol):
+    """A param that may change while the program runs: a sensor, and its value at the start of a run."""
+
+    sensor: ir.Sensor
+
+
+@record
 class LetSymbol(Record):
     """A let by its full name; `module` names the module that it is local to, if any."""
 
@@ -345,10 +352,10 @@ class RobotScope:
     """Sensors and actuators, which are visible in every file. Filled in when the robot is checked.
 
     If the program has no robot, or its text cannot be read, unknown names are not reported. `sent` are the
-    fields `last.ACTUATOR.FIELD` that something reads, by name; `frame_ns` is the frame period, None while it
-    is unknown. `renamed` are the sensors to which lets of files give other names, by these names in full.
-    `title` is the robot with its file, for messages; `lacks` are the names that files with
-    `import robot` read and nothing declares.
+    fields `last.ACTUATOR.FIELD` that something reads, by name, and `tunables` the tunable params; `frame_ns`
+    is the frame period, None while it is unknown. `renamed` are the sensors to which lets of files give other
+    names, by these names in full. `title` is the robot with its file, for messages; `lacks` are the names
+    that files with `import robot` read and nothing declares.
     """
 
     absent: bool = False
@@ -356,6 +363,7 @@ class RobotScope:
     lacks: set[str] = field(default_factory=set)
     frame_ns: int | None = None
     sent: dict[str, ir.Sensor] = field(default_factory=dict)
+    tunables: dict[str, ir.Sensor] = field(default_factory=dict)
     renamed: dict[str, str] = field(default_factory=dict)
     sensor_names: set[str] = field(default_factory=set)
     actuator_names: set[str] = field(default_factory=set)

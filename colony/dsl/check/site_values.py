@@ -229,6 +229,7 @@ class _Catalog:
 
 
 _KINDS: Mapping[type, str] = {
+    ast.SensorDecl: "an input",
     ast.LetDecl: "a let",
     ast.StateDecl: "a state",
     ast.MachineDecl: "a machine",
@@ -365,7 +366,7 @@ def site_param(
     return ParamSymbol(type=own.type, value=found.value)
 
 
-def _declared_unit(node: ast.SyntaxNode) -> str | None:
+def declared_unit(node: ast.SyntaxNode) -> str | None:
     """Return the unit of a param that is declared as one number."""
     declared = _unsigned(node.value) if isinstance(node, ast.ParamDecl) else None
     return declared.unit if isinstance(declared, ast.NumberNode) else None
@@ -384,7 +385,7 @@ def _about(given: SiteValue, problem: Diagnostic) -> str:
 
 def _unit_hint(value: ast.Expression, own: ParamSymbol, node: ast.SyntaxNode) -> str | None:
     """Return advice on the unit of a lone number, which is that of the declaration."""
-    number, unit = _unsigned(value), _declared_unit(node)
+    number, unit = _unsigned(value), declared_unit(node)
     if not (isinstance(number, ast.NumberNode) and isinstance(own.type, Quantity)):
         return None
     if unit is None and own.type == DIMENSIONLESS and not is_percent(own.type):

@@ -18,7 +18,7 @@ from typing import Any
 import msgspec
 
 from colony.ir.frame import Executor, Frame, Outcome, Reading
-from colony.ir.program import Robot
+from colony.ir.program import TUNABLE_SERVER, Robot
 from colony.ir.servers import DSERVER, PROXIMITY, RSERVER, RUNTIME
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.frames.publishing import Fields
@@ -28,11 +28,13 @@ from colony.runtime.kit.errors import CallRefusedError, ServerNotFoundError
 from colony.runtime.kit.once import Report
 from colony.runtime.kit.script import Do, RunningScript, Script, ScriptScheduler
 from colony.runtime.library.ask import CallRequest
+from colony.runtime.library.clock import Tune
 from colony.runtime.protocol.bindings import bind
-from colony.runtime.protocol.calls import LATER, CallId, Handler, Method, RefusedError
+from colony.runtime.protocol.calls import LATER, CallId, Handler, Method, RefusedError, method
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import actuator_spec, variables_read
+from colony.runtime.protocol.deployment import actuator_spec, tunables_of, tuned_with, variables_read
 from colony.runtime.protocol.messages import Sample
+from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.servers.base import Base
 from colony.runtime.servers.commanding import NotSentError
 from colony.runtime.servers.cserver import SharedCamera
@@ -240,7 +242,8 @@ class Loop:
         sensor_servers = [LocalServer(RSERVER.name, self.base.methods)]
         if proximity is not None:
             sensor_servers.append(LocalServer(PROXIMITY, proximity.methods))
-        self.scripts = LocalScripts(scripts, (self.data, *sensor_servers, *self._cameras))
+        clock_server = LocalServer(CLOCK, (method("tune", Tune, self._tune),))
+        self.scripts = LocalScripts(scripts, (self.data, *sensor_servers, *self._cameras, clock_server))
         self._watch = watch
         self._executor = executor
         self._frame_ns = robot.frame_ns
@@ -251,6 +254,8 @@ class Loop:
             (b, places[sent[b.sensor][0]], sent[b.sensor][1]) for b in bindings.sensors if b.sent
         )
         self._given: dict[str, Reading] = {}
+        self._tuned: dict[str, float] = {}
+        self._tunables = tunables_of(robot)
         rings = {} if proximity is None else {"sonar": proximity.sonar, "infrared": proximity.infrared}
         self._rings = {b.field: rings[b.field] for b in sensors if b.server == PROXIMITY}
         specs = {spec.name: spec for spec in drivers.servers}
@@ -262,6 +267,7 @@ class Loop:
             PROXIMITY: lambda now_ns: {field: ring() for field, ring in self._rings.items()},
             DSERVER.name: self.data.variables.fields,
             **{name: reader.read for name, reader in readers.items()},
+            TUNABLE_SERVER: lambda now_ns: {name: Sample(x, now_ns) for name, x in self._tuned.items()},
             RUNTIME.name: lambda now_ns: {"random": Sample(random_of_frame(seed, self.k), now_ns)},
         }
         self._publish = {b.server: servers[b.server] for b in sensors}
@@ -328,6 +334,11 @@ class Loop:
             command = commands[place]
             if command is not None:
                 self._given[binding.sensor] = binding.in_base_units(command[index])
+
+    def _tune(self, call_id: CallId, arguments: Tune, now_ns: int) -> int:
+        """Change tunable params from the next frame on."""
+        self._tuned = tuned_with(self._tunables, self._tuned, arguments.values)
+        return self.k + 1
 
     def close(self) -> None:
         """Stop the robot and end all scripts."""

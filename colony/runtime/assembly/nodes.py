@@ -15,6 +15,7 @@ from colony.runtime.clients.client import Announcer, ClientNode, ClientProgram
 from colony.runtime.frames.assembler import Awaited, FrameAssembler, frames_to_keep
 from colony.runtime.observe.observer import Monitor, Observer, Sink
 from colony.runtime.protocol.bindings import Bindings, SensorBinding
+from colony.runtime.protocol.topics import CLOCK
 
 
 def build_clients(
@@ -32,7 +33,8 @@ def build_clients(
     needs = needs_of_clients(clients_view(compiled.code, keys))
     groups: dict[_Inputs, list[ClientKey]] = {}
     for client in keys:
-        servers = frozenset(b.server for b in _bindings_of(bindings.sensors, needs[client].sensors))
+        bound = _bindings_of(bindings.sensors, needs[client].sensors)
+        servers = frozenset(b.server for b in bound if b.server != CLOCK)
         awaited: Awaited = "degrade" if client[0] in degrading and client[1] != BOUNDS else "all"
         groups.setdefault(_Inputs(servers, needs[client].python_modules, awaited), []).append(client)
     return tuple(
@@ -114,7 +116,7 @@ def _servers_read(compiled: Compiled, bindings: Bindings) -> dict[ClientKey, fro
     keys = [(a.actuator.name, client.module) for a in compiled.code.actuators for client in a.clients]
     server = {b.sensor: b.server for b in bindings.sensors}
     return {
-        key: frozenset(server[sensor] for sensor in needs.sensors)
+        key: frozenset(server[sensor] for sensor in needs.sensors).difference({CLOCK})
         for key, needs in needs_of_clients(clients_view(compiled.code, keys)).items()
     }
 

@@ -12,7 +12,8 @@ If that is impossible (the frame is no longer kept, or was handed out and has be
 A restarted Clock goes on with the epoch, but not with the next number. Its ticks list the gap (`Tick.gaps`):
 the assembler hands out the frame after the gap directly after the frame before it.
 
-Readings are converted here, once: into base units for executors, into declared units for the observer.
+Readings are converted here, once: into base units for executors, into declared units for the observer. The
+values of tunable params come with the tick.
 
 The answer of a module in Python cannot count as missing, because no reader knows what it would have been. The
 assembler waits for it. Only where lesser behaviors may take over (`on_loss degrade`), a module without an
@@ -122,9 +123,10 @@ class FrameAssembler:
         awaited: Awaited = "all",
         declared_units: bool = False,
     ) -> None:
-        self._bindings = bindings
+        self._bindings = tuple(b for b in bindings if b.server != topics.CLOCK)
+        self._tunables = tuple(b for b in bindings if b.server == topics.CLOCK)
         self._modules = {topics.activity(DSERVER.name, module): module for module in modules}
-        self._servers = tuple(sorted({b.server for b in bindings}.union(self._modules)))
+        self._servers = tuple(sorted({b.server for b in self._bindings}.union(self._modules)))
         self._run = run
         self._frames_kept = frames_kept
         self._awaited = awaited
@@ -388,6 +390,10 @@ class FrameAssembler:
                 readings[b.sensor] = convert(sample.value)
             elif b.sent:
                 readings[b.sensor] = None  # an executor would put what it sent itself in its place
+        for b in self._tunables if tick.tuned else ():
+            value = tick.tuned.get(b.field)
+            if value is not None:
+                readings[b.sensor] = value if self._declared_units else b.in_base_units(value)
         return Frame(tick.t_ns, readings, restarted=tick.restarted)
 
 

@@ -39,7 +39,7 @@ from colony.runtime.frames.registry import (
     TickAnswers,
     lease,
 )
-from colony.runtime.library.clock import Participants, ServerParticipant
+from colony.runtime.library.clock import Participants, ServerParticipant, Tune, TunedParam
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import (
     LATER,
@@ -52,7 +52,13 @@ from colony.runtime.protocol.calls import (
 )
 from colony.runtime.protocol.codec import FRAME_NUMBER_NS, MAX_CLOCK_LEAD_NS, MAX_GAPS
 from colony.runtime.protocol.connections import Caller
-from colony.runtime.protocol.deployment import MAX_DEPLOYMENT_BYTES, Deployment, Leadership, client_addresses
+from colony.runtime.protocol.deployment import (
+    MAX_DEPLOYMENT_BYTES,
+    Deployment,
+    Leadership,
+    client_addresses,
+    tuned_with,
+)
 from colony.runtime.protocol.interface import Interface, interface_problem
 from colony.runtime.protocol.messages import (
     Alive,
@@ -139,6 +145,8 @@ class Clock:
         self._gaps: tuple[tuple[int, int], ...] = ()
         self._decided: set[str] = set()
         self._answered: dict[str, int] = {}  # the newest frame of each server
+        self._tuned: dict[str, float] = {}
+        self._tunings: list[CallId] = []  # to be answered with the next tick
         self._releases: dict[CallId, tuple[int, int]] = {}  # the first tick with each, and its deadline
         self._wakes = WakeSchedule()
         self._calls = CallDispatcher(
@@ -148,6 +156,8 @@ class Clock:
                 method("participants", NoArguments, self._participants, right="read"),
                 method("interface", NoArguments, self._read_interface, right="read"),
                 method("release", NoArguments, self._release),
+                method("tune", Tune, self._tune),
+                method("tunables", NoArguments, self._tunables, right="read"),
             ),
             on_lost=self._lost,
             stop=self._stop,
@@ -302,7 +312,7 @@ class Clock:
         new = self._leadership.take(call_id.caller, deployment) and deployment.run != self._run
         self._leader = call_id.caller
         if new or self._deployment is None:
-            self._deployment = deployment
+            self._deployment, self._tuned = deployment, {}
             self._on_deploy(deployment)
             self._enroll(now_ns)
 
@@ -382,6 +392,7 @@ class Clock:
         self._next_k = max(self._next_k, resumed.used_k + 1)
         self._epoch_k = resumed.start
         self._gaps = (*resumed.last.gaps, (resumed.last.k, self._next_k))[-MAX_GAPS:]
+        self._tuned = {**resumed.last.tuned, **self._tuned}
         self._kept = {tick.k: tick for tick in resumed.ticks}
         self._answers.clear()
         self._answers.resume(resumed.behind, resumed.void)
@@ -402,6 +413,7 @@ class Clock:
             released_ns=self._latch.released_ns,
             gaps=self._gaps if run else (),
             restarted=restarted,
+            tuned=self._tuned if run and run == self._run else {},
         )
         self._latch.save(now_ns)
         overdue = list(self._answers.overdue(k))
@@ -413,9 +425,26 @@ class Clock:
         self._decided.clear()
         self._fetch_budget.reset()
         yield SendMessage(topics.TICKS, tick)
+        if run == self._run:  # the run of the program has begun
+            for call_id in self._tunings:
+                yield from self._calls.answer(call_id, k)
+            self._tunings.clear()
         for server, missing in overdue:
             publisher = DSERVER.name if server in self._announcers() else server
             yield SendMessage(topics.fetches(publisher), Fetch(server=server, k=missing))
+
+    # --- tunable params --------------------------------------------------------------------------------
+
+    def _tune(self, call_id: CallId, arguments: Tune, now_ns: int) -> Later:
+        """Change tunable params with the next tick, all or none."""
+        active = () if self._active is None else self._active.tunables
+        self._tuned = tuned_with(active, self._tuned, arguments.values)
+        self._tunings.append(call_id)
+        return LATER
+
+    def _tunables(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> tuple[TunedParam, ...]:
+        active = () if self._active is None else self._active.tunables
+        return tuple(TunedParam(tunable=t, value=self._tuned.get(t.name, t.initial)) for t in active)
 
     # --- participants ----------------------------------------------------------------------------------
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import msgspec
 
 from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol.calls import NoArguments
-from colony.runtime.protocol.deployment import Deployment
+from colony.runtime.protocol.deployment import Deployment, Tunable
 from colony.runtime.protocol.interface import Interface
 from colony.runtime.protocol.messages import Stopped
 
@@ -54,6 +56,33 @@ class Participants(msgspec.Struct, frozen=True, kw_only=True):
     clients: tuple[ClientParticipant, ...]
     stopped: Stopped | None = None
     trouble: str | None = None
+
+
+class Tune(msgspec.Struct, frozen=True, kw_only=True):
+    """Arguments of `tune`: values by name, in declared units; None for the value at the start of the run."""
+
+    values: dict[str, float | None]
+
+
+class TunedParam(msgspec.Struct, frozen=True, kw_only=True):
+    """A tunable param of the program that runs, and its value, in its declared unit."""
+
+    tunable: Tunable
+    value: float
+
+
+def tune(values: Mapping[str, float | None]) -> CallRequest[int]:
+    """Change tunable params of the program that runs; returns the first frame with the new values.
+
+    All of them change with the same frame, or none: refused with the code "arguments" if one is not tunable,
+    or a value outside of its interval.
+    """
+    return CallRequest("tune", Tune(values=dict(values)), int, "command", repeatable=True)
+
+
+def tunables() -> CallRequest[tuple[TunedParam, ...]]:
+    """Read the tunable params of the program that runs; none while no program does."""
+    return CallRequest("tunables", NoArguments(), tuple[TunedParam, ...], "read", repeatable=True)
 
 
 def release() -> CallRequest[None]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from colony.execute.intake import converted
 from colony.ir.fitting import command_named, misfits
-from colony.ir.program import Actuator, Robot, Sensor
+from colony.ir.program import TUNABLE_SERVER, Actuator, Robot, Sensor
 from colony.ir.servers import COMMON_SERVERS, ServerSpec
 from colony.ir.types import Value
 from colony.text.diagnostics import DiagnosticError
@@ -18,7 +18,8 @@ class SensorBinding:
     """The binding of a sensor to `field` of `server`.
 
     `factor` is the declared unit in base units. The server sends base units or, if `declared`, values in the
-    sensor's declared unit. That is so for DServer's variables, which users and programs set in that unit.
+    sensor's declared unit. That is so for DServer's variables and for tunable params, which users set in that
+    unit. `server` of a tunable param is the Clock: ticks have its value.
     `sent` is true for what an actuator was given in the frame before.
     """
 
@@ -79,7 +80,7 @@ class Bindings:
 
 def bound_servers(robot: Robot) -> tuple[str, ...]:
     """Return the servers of sensors and actuators that not every robot has."""
-    common = {server.name for server in COMMON_SERVERS}
+    common = {TUNABLE_SERVER, *(server.name for server in COMMON_SERVERS)}
     bound = (*(s.server for s in robot.sensors), *(a.server for a in robot.actuators))
     return tuple(dict.fromkeys(server for server in bound if server not in common))
 
@@ -108,7 +109,7 @@ def _bind_sensor(sensor: Sensor, servers: Mapping[str, ServerSpec]) -> SensorBin
         field=sensor.field,
         max_age_ns=None if is_sent else sensor.within_ns,
         factor=sensor.factor,
-        declared=not is_sent and servers[sensor.server].accepts_any_name,
+        declared=sensor.tunable or (not is_sent and servers[sensor.server].accepts_any_name),
         sent=is_sent,
     )
 

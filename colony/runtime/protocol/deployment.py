@@ -7,15 +7,16 @@ the leader is connected, no other process may deploy.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Literal
 
 import msgspec
 
 from colony.execute.compiled import Compiled
 from colony.execute.needs import BOUNDS
-from colony.ir.program import Actuator, sent_name
+from colony.ir.program import Actuator, Robot, sent_name
 from colony.ir.servers import DSERVER
 from colony.ir.types import Bool, Enum, ScalarValue
 from colony.runtime.protocol import topics
@@ -89,6 +90,19 @@ class ActuatorSpec(msgspec.Struct, frozen=True, kw_only=True, rename={"field_ind
     limited: bool = False
 
 
+class Tunable(msgspec.Struct, frozen=True, kw_only=True):
+    """A param that users change during a run.
+
+    `initial` is its value at the start, `low` and `high` are its interval, all in `unit`, the declared unit.
+    """
+
+    name: str
+    unit: str
+    initial: float
+    low: float
+    high: float
+
+
 class Deployment(msgspec.Struct, frozen=True, kw_only=True, rename={"python_modules": "announced"}):
     """A program on a robot. `run` is unique to the run; "" stands for a robot without a program.
 
@@ -97,7 +111,7 @@ class Deployment(msgspec.Struct, frozen=True, kw_only=True, rename={"python_modu
     begins as soon as the previous one is decided, instead of after `frame_ns`. `reads` are the variables that
     the program's sensors are bound to: DServer's frames show them. `interface` is the one against which
     the program was checked. A `resident` deployment yields to every other one: it has the limits of the
-    robot, which hold while no program runs.
+    robot, which hold while no program runs. `tunables` are the params that may change in the run.
     """
 
     run: str
@@ -111,6 +125,7 @@ class Deployment(msgspec.Struct, frozen=True, kw_only=True, rename={"python_modu
     reads: tuple[str, ...] = ()
     interface: Interface = Interface()
     resident: bool = False
+    tunables: tuple[Tunable, ...] = ()
 
 
 def deployment(
@@ -146,7 +161,47 @@ def deployment(
         reads=variables_read(bindings),
         interface=interface_of(compiled.robot),
         resident=resident,
+        tunables=tunables_of(compiled.robot),
     )
+
+
+def tunables_of(robot: Robot) -> tuple[Tunable, ...]:
+    """Return the tunable params of a program."""
+    return tuple(
+        Tunable(
+            name=s.name,
+            unit=s.unit,
+            initial=float(s.default or 0.0) / s.factor,
+            low=-math.inf if s.low is None else s.low / s.factor,
+            high=math.inf if s.high is None else s.high / s.factor,
+        )
+        for s in robot.sensors
+        if s.tunable
+    )
+
+
+def tuned_with(
+    tunables: Iterable[Tunable], tuned: Mapping[str, float], values: Mapping[str, float | None]
+) -> dict[str, float]:
+    """Return the values of tunable params after a change; None stands for the value at the start of the run.
+
+    Raises:
+        RefusedError: "arguments" if a name is not one of `tunables`, or a value is outside of its interval.
+    """
+    by_name, changed = {t.name: t for t in tunables}, dict(tuned)
+    for name, value in values.items():
+        tunable = by_name.get(name)
+        if tunable is None:
+            known = f"its tunable params are {', '.join(by_name)}" if by_name else "it has none"
+            raise RefusedError("arguments", f"the program has no tunable param `{name}`; {known}")
+        if value is None:
+            changed.pop(name, None)
+        elif tunable.low <= value <= tunable.high:
+            changed[name] = value
+        else:
+            expected = f"{tunable.low:.9g} .. {tunable.high:.9g} {tunable.unit}".rstrip()
+            raise RefusedError("arguments", f"`{name}` is {value:.9g}; expected {expected}")
+    return changed
 
 
 def limited_actuators(compiled: Compiled) -> tuple[str, ...]:
@@ -197,6 +252,7 @@ def _too_many(deployed: Deployment) -> Iterator[str]:
         ("modules in Python", len(deployed.python_modules), MAX_ITEMS),
         ("servers", len(deployed.servers), MAX_ITEMS),
         ("variables", len(deployed.reads), MAX_ITEMS),
+        ("tunable params", len(deployed.tunables), MAX_ITEMS),
         ("digests of the interface", deployed.interface.size, MAX_DIGESTS),
     ]
     for what, count, limit in counts:
@@ -208,6 +264,7 @@ def _too_many(deployed: Deployment) -> Iterator[str]:
         *deployed.python_modules,
         *deployed.servers,
         *deployed.reads,
+        *(tunable.name for tunable in deployed.tunables),
     ):
         if len(name) > MAX_NAME_LENGTH:
             yield f"the name `{name[:20]}...` has {len(name)} characters; expected at most {MAX_NAME_LENGTH}"

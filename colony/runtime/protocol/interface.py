@@ -47,7 +47,7 @@ class Interface(msgspec.Struct, frozen=True, kw_only=True):
 def interface_of(robot: Robot) -> Interface:
     """Return the interface that a program declares."""
     parts = [_part(FRAME, {"length": robot.frame_ns})]
-    parts += [_part(s.name, _sensor(s)) for s in robot.sensors if s.sent is None]
+    parts += [_part(s.name, _sensor(s)) for s in robot.sensors if s.of_robot]
     parts += [_part(a.name, _actuator(a)) for a in robot.actuators]
     found = Interface(robot=robot.name, parts=tuple(parts))
     if found.size > MAX_DIGESTS:

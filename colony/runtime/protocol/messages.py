@@ -74,7 +74,8 @@ class Tick(_Message, frozen=True, kw_only=True):
     `gaps` are the recent gaps in the numbers of the epoch, in order: after the frame with the first number
     of a gap comes the one with its second number, because the Clock was restarted in between. `restarted` is
     True in the first frame of an epoch that begins because memory was lost, if anything that is alive knows
-    that the run had begun.
+    that the run had begun. `tuned` are the tunable params with another value than at the start of the run, by
+    name, in their declared units.
     """
 
     k: int
@@ -88,6 +89,7 @@ class Tick(_Message, frozen=True, kw_only=True):
     released_ns: int = -1
     gaps: tuple[tuple[int, int], ...] = ()
     restarted: bool = False
+    tuned: dict[str, float] = {}
 
     @property
     def previous(self) -> int:

@@ -237,6 +237,8 @@ def _values(program: Program) -> Iterator[tuple[tuple[str, str], str]]:
 
 def _value(prefix: str, text: str, node: object) -> Iterator[tuple[tuple[str, str], str]]:
     match node:
+        case ast.ParamDecl(interval=ast.RangeNode()):
+            yield (_KINDS[type(node)], prefix + node.name.text), _text_of(text, node)
         case ast.ParamDecl() | ast.LetDecl():
             yield (_KINDS[type(node)], prefix + node.name.text), _text_of(text, node.value)
         case ast.StateDecl():
