@@ -19,8 +19,9 @@ from colony.runtime.kit.discovery import session_with
 from colony.runtime.kit.emergency import StopButton
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.kit.listening import hosting_listener
-from colony.runtime.kit.robot_state import RobotState, ServerState, state_of
+from colony.runtime.kit.robot_state import READER, RobotState, ServerState, state_of
 from colony.runtime.library import clock
+from colony.runtime.library.clock import TunedParam
 from colony.runtime.library.leader import RunStatus
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.messages import UNHEARD, Effect, Message, QuietNode, Tick, Verdict
@@ -117,15 +118,24 @@ def _run(robot: str, run: RunStatus, acting: Mapping[str, str]) -> Diagnosis:
     return Diagnosis(level, f"{robot}: run", "; ".join([*errors, *warnings]) or "runs", values)
 
 
-def params_of(state: RobotState) -> list[tuple[str, str | float | bool, str]]:
-    """Return the params that a site set for the run: the name, the value and the meaning of each.
+Param = tuple[str, str | float | bool, str]
+"""A param of the program: its name, its value, and its meaning."""
 
-    Numbers without a unit and bools are values of ROS; others are text, as the language writes them.
+
+def params_of(state: RobotState, tuned: Iterable[TunedParam] = ()) -> list[Param]:
+    """Return the params of the run that its text does not fix: those that a site set, and tunable ones.
+
+    Tunable params are numbers in their declared units. Of others, numbers without a unit and bools are values
+    of ROS; the rest is text, as the language writes it.
     """
     run = state.run
     if run is None:
         return []
-    return [(name, _param(text), f"set by {run.params}") for name, text in run.site.items()]
+    found: dict[str, Param] = {n: (n, _param(text), f"set by {run.params}") for n, text in run.site.items()}
+    for each in tuned:
+        name, unit = each.tunable.name, each.tunable.unit
+        found[name] = name, each.value, f"{unit}, tunable from {each.tunable.low:g} to {each.tunable.high:g}"
+    return list(found.values())
 
 
 def _param(text: str) -> str | float | bool:
@@ -272,9 +282,15 @@ class RobotIntrospection:
                 if (now_s := time.monotonic()) >= due_s:
                     due_s = now_s + REPORT_INTERVAL_S
                     state = state_of(session, self._robot_address)
-                    packet |= {"diagnostics": list(diagnoses(state)), "params": params_of(state)}
+                    params = params_of(state, _tuned(session) if state.run is not None else ())
+                    packet |= {"diagnostics": list(diagnoses(state)), "params": params}
                 self._send(packet)
                 self._wake.wait(max(0.0, due_s - time.monotonic()))
+
+
+def _tuned(session: Session) -> tuple[TunedParam, ...]:
+    with session.connect(CLOCK, name=READER) as connection:
+        return connection.do(clock.tunables())
 
 
 def press(button: StopButton) -> tuple[bool, str]:

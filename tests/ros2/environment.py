@@ -33,13 +33,14 @@ COMMON = ("numpy", "pyyaml")
 MARK = "made"
 
 
-def _release() -> str:
+def release() -> str:
+    """Return the release of ROS 2 that is tested."""
     return os.environ.get("ROS2_RELEASE", "jazzy")
 
 
 def _packages() -> dict[str, str]:
     """Return the packages by name, each as pip takes it."""
-    return {line.partition("==")[0]: line for line in (*RELEASES[_release()], *COMMON)}
+    return {line.partition("==")[0]: line for line in (*RELEASES[release()], *COMMON)}
 
 
 def _installed(folder: Path) -> dict[str, str]:
@@ -53,7 +54,7 @@ def folder() -> Path:
     """Return the folder of the environment; tests set XDG_CACHE_HOME to one of their own."""
     cache = os.environ.get("COLONY_TEST_CACHE") or Path.home() / ".cache"
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
-    return Path(cache) / "colony-ros2" / f"{_release()}-{python}"
+    return Path(cache) / "colony-ros2" / f"{release()}-{python}"
 
 
 def existing() -> Path | None:

@@ -13,7 +13,7 @@ import sysconfig
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from tests.ros2.environment import existing, make
+from tests.ros2.environment import existing, make, release
 
 SOURCES = Path(__file__).with_name("nav2_msgs")
 
@@ -30,6 +30,9 @@ JAZZY = (
 )
 """What rosidl needs: wheels name no build dependencies."""
 
+BUILT_ON, SITE = "/opt/python/cp311-cp311", "lib/python3.11/site-packages"
+"""The Python of the machine on which the wheels were built, and the folder of packages in one."""
+
 
 def has_nav2(python: Path) -> bool:
     """Return True if an environment has nav2_msgs."""
@@ -45,13 +48,18 @@ def build() -> None:
     python = existing() or make()
     if has_nav2(python):
         return
+    if release() != "jazzy":
+        raise OSError("it is built for Jazzy alone")
     root = python.parent.parent
     pip = [python, "-m", "pip", "--disable-pip-version-check", "install", "-qq"]
     subprocess.run([*pip, *JAZZY], check=True)
-    include = sysconfig.get_paths()["include"]
-    for path in (root / "share").rglob("*.cmake"):  # that of the machine on which the wheels were built
-        if "/opt/python/" in (text := path.read_text(errors="replace")):
-            path.write_text(text.replace("/opt/python/cp311-cp311/include/python3.11", include))
+    paths = sysconfig.get_paths()
+    ours = {f"{BUILT_ON}/include/python3.11": paths["include"], f"{BUILT_ON}/{SITE}": str(root / SITE)}
+    for path in (root / "share").rglob("*.cmake"):
+        if BUILT_ON in (text := path.read_text(errors="replace")):
+            for theirs, own in ours.items():
+                text = text.replace(theirs, own)
+            path.write_text(text)
     environment = {
         **os.environ,
         "AMENT_PREFIX_PATH": str(root),

@@ -23,8 +23,9 @@ from colony.ros2.introspection import (
 )
 from colony.runtime.kit.emergency import StopReport
 from colony.runtime.kit.robot_state import RobotState, ServerState
-from colony.runtime.library.clock import Participants
+from colony.runtime.library.clock import Participants, TunedParam
 from colony.runtime.library.leader import ClientStanding, RunStatus
+from colony.runtime.protocol.deployment import Tunable
 from colony.runtime.protocol.messages import Stopped, Tick, Verdict
 from colony.runtime.transport.live.robot_address import local
 
@@ -137,6 +138,13 @@ def test_params_are_those_that_the_site_set() -> None:
     rows = [(name, value) for name, value, _ in params_of(robot(run=run))]
     assert rows == [("gain", 0.5), ("on", True), ("reach", "0.6 m")]
     assert params_of(robot()) == []
+
+
+def test_tunable_params_are_numbers_in_their_units() -> None:
+    run = msgspec.structs.replace(RUN, params="lab.toml", site={"reach": "0.6 m"})
+    reach = Tunable(name="reach", unit="m", initial=0.6, low=0.5, high=2.0)
+    rows = params_of(robot(run=run), [TunedParam(tunable=reach, value=0.7)])
+    assert rows == [("reach", 0.7, "m, tunable from 0.5 to 2")]
 
 
 # --- winners --------------------------------------------------------------------------------------

@@ -153,9 +153,7 @@ class Introspection:
         refused = [each.name for each in parameters if each.name.startswith(PREFIX)]
         if self.is_deploying or not refused:
             return result(successful=True)
-        reason = (
-            f"{refused[0]} is read-only: it is proved with this value; drive with other params of the site"
-        )
+        reason = f"{refused[0]} is read-only: tune it with `colony params`, or drive with another site"
         return result(successful=False, reason=reason)
 
 
