@@ -63,6 +63,7 @@ language 1
 import robot
 
 param clearance = 0.6 m
+tunable param reach = 0.5 m in 0.3 m .. 1 m
 
 let is_clear = min(ranges[-30 deg .. 30 deg]) >= clearance
 let is_on    = battery > 20 percent and mode == work.automatic
@@ -70,7 +71,7 @@ let is_on    = battery > 20 percent and mode == work.automatic
 module ahead { when is_on and is_clear  do drive(velocity = 0.2 m/s, turn = 0) }
 module avoid { when not is_clear        do drive(velocity = 0, turn = 1 rad/s) }
 module halt  { when estop               do drive(velocity = 0, turn = 0) }
-module shine { when x > 0.5 m           do lamp(level = 50 percent) }
+module shine { when x > reach           do lamp(level = 50 percent) }
 network {
   drive = halt suppresses (avoid suppresses ahead)
   lamp = shine

@@ -98,17 +98,19 @@ def test_diagnostics_have_the_servers_and_the_run(served: Served) -> None:
 def test_params_are_those_of_the_deployment_and_cannot_be_set(served: Served) -> None:
     robot, name = served.robot, "params.clearance"
 
-    def value() -> dict[str, Any]:
-        found = answer(
-            robot, "/colony/get_parameters", "rcl_interfaces/srv/GetParameters", names=[name, "use_sim_time"]
-        )
+    def value(name: str) -> dict[str, Any]:
+        found = answer(robot, "/colony/get_parameters", "rcl_interfaces/srv/GetParameters", names=[name])
         return found["values"][0] if found["values"] else {}
 
-    until(lambda: value().get("string_value") == "0.7 m", "it is declared", patience_s=PATIENCE_S)
+    until(lambda: value(name).get("string_value") == "0.7 m", "it is declared", patience_s=PATIENCE_S)
+    tuned = "params.reach"
+    assert value(tuned)["double_value"] == 0.5
+    assert served.machine.run("params", "set", "reach=0.7", "--robot", "burger").wait() == 0
+    until(lambda: value(tuned).get("double_value") == 0.7, "it is tuned", patience_s=PATIENCE_S)
     listed = answer(
         robot, "/colony/list_parameters", "rcl_interfaces/srv/ListParameters", prefixes=["params"]
     )
-    assert listed["result"]["names"] == [name]
+    assert set(listed["result"]["names"]) == {name, tuned}
     found = answer(
         robot,
         "/colony/set_parameters",
@@ -120,4 +122,4 @@ def test_params_are_those_of_the_deployment_and_cannot_be_set(served: Served) ->
     assert not found["results"][0]["successful"]
     assert found["results"][0]["reason"].startswith(f"{name} is read-only")
     served.leader.interrupt()
-    until(lambda: value().get("type", 0) == 0, "it is gone with the program", patience_s=PATIENCE_S)
+    until(lambda: value(name).get("type", 0) == 0, "it is gone with the program", patience_s=PATIENCE_S)
