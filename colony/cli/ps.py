@@ -173,6 +173,8 @@ def _run(run: RunStatus, priorities: dict[str, int]) -> Iterator[str]:
     if run.disagreements:
         text += f", {run.disagreements} DISAGREE WITH THE PROGRAM"
     yield text
+    if run.still:
+        yield f"nothing moves: {run.still}"
     for sensor in run.faults:
         yield f"SENSOR FAULT: `{sensor}` has a value of the wrong type"
     rows = [("client", "priority", "state", "on time", "late", "lost", "restarts", "last error")]

@@ -115,7 +115,7 @@ def _run(robot: str, run: RunStatus, acting: Mapping[str, str]) -> Diagnosis:
     values |= {f"{name} is commanded by": by for name, by in acting.items()}
     values |= {f"{c.address} late, lost": f"{c.late}, {c.lost}" for c in run.clients if c.late or c.lost}
     level = ERROR if errors else WARN if warnings else OK
-    return Diagnosis(level, f"{robot}: run", "; ".join([*errors, *warnings]) or "runs", values)
+    return Diagnosis(level, f"{robot}: run", "; ".join([*errors, *warnings]) or run.still or "runs", values)
 
 
 Param = tuple[str, str | float | bool, str]

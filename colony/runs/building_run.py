@@ -22,6 +22,7 @@ from colony.runs.spec import MisuseError, RunReport, RunSpec, UserInterface, exp
 from colony.runtime.assembly.virtual import VirtualSession
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.kit.script_node import ScriptNode
+from colony.runtime.observe.stillness import Stillness
 from colony.runtime.observe.summary import Tally, Travel
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.topics import CLOCK
@@ -60,7 +61,7 @@ def run_in_building(
     other_paths = {other.name: PathSink(plant.world, path.floor, floors[0], other.number) for other in others}
     for remark in floors[0].remarks(radius_mm(described.body), plant.world.true_pose(0)):
         ui.report(remark)
-    tally = Tally(compiled)
+    tally, stillness = Tally(compiled), Stillness(compiled, ui.report)
     session = VirtualSession(
         compiled,
         simulated_drivers(
@@ -74,7 +75,7 @@ def run_in_building(
         clock=clock,
         seed=spec.world.seed,
         variables=spec.pinned_variables,
-        sinks=(tally, path, *other_paths.values()),
+        sinks=(tally, stillness, path, *other_paths.values()),
         requests=is_mcap(spec.record),
         nodes=(*_players(spec.scenario), *(() if mission is None else mission.nodes)),
         report=ui.report,
@@ -96,6 +97,7 @@ def run_in_building(
     )
     summary = replace(
         summary,
+        unread=stillness.unread,
         others=tuple(
             replace(other.summary(), off_map=other_paths[other.name].exit.off_map) for other in others
         ),

@@ -116,6 +116,7 @@ def client(standing: Any) -> ClientStanding:
     [
         ({}, OK, "runs"),
         ({"clients": (client("alive"),)}, OK, "runs"),
+        ({"still": "no module is active"}, OK, "no module is active"),
         ({"clients": (client("late"),)}, WARN, "drive/turn is late"),
         ({"faults": ("battery",)}, WARN, "`battery` has a value of the wrong type"),
         ({"clients": (client("lost"),)}, ERROR, "drive/turn is lost"),

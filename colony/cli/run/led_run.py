@@ -46,6 +46,7 @@ from colony.runtime.assembly.processes.run_status import RunStatusTracker
 from colony.runtime.assembly.processes.window import RecordingWindow
 from colony.runtime.kit.discovery import session_with
 from colony.runtime.observe.observer import BackgroundSink
+from colony.runtime.observe.stillness import Stillness
 from colony.runtime.observe.summary import RunSummary, Tally, Travel
 from colony.runtime.protocol.bindings import bind, bound_servers
 from colony.runtime.protocol.deployment import deployment
@@ -93,17 +94,20 @@ class LedRun:
             servers=bound_servers(compiled.robot),
         )
         self._tally = Tally(compiled)
+        self._stillness = Stillness(compiled, ui.report)
         self._status_tracker = RunStatusTracker(
             self._deployed,
             file=os.path.abspath(spec.file),
             params="" if compiled.site is None else os.path.abspath(compiled.site.file),
             compiled=compiled,
+            still=lambda: self._stillness.cause,
         )
         self._window = RecordingWindow(
             spec.length_ns,
             frame_ns=compiled.frame_ns,
             sinks=(
                 self._tally,
+                self._stillness,
                 self._status_tracker,
                 BackgroundSink(ui.progress(spec.length_ns), dispensable=True),
             ),
@@ -259,7 +263,7 @@ class LedRun:
             interrupted=interrupted and self._interrupted(),
             travel=travel,
         )
-        return replace(summary, broke_off=self._broke_off)
+        return replace(summary, broke_off=self._broke_off, unread=self._stillness.unread)
 
     def _lead(self) -> SupervisedRun:
         recorded = self._spec.record is not None

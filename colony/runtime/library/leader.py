@@ -41,6 +41,7 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     that a site set, "" for none. `faults` are the sensors with a value of the wrong type in the newest frame.
     `broken` counts the frames in which each contract was broken, of those that were. `site` has the values of
     the params that a site set, as the language writes them.
+    `still` says why nothing moves, "" while something does.
     """
 
     run: str
@@ -58,6 +59,7 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     faults: tuple[str, ...] = ()
     broken: dict[str, int] = {}
     site: dict[str, str] = {}
+    still: str = ""
 
 
 class ReadVariable(msgspec.Struct, frozen=True, kw_only=True):

@@ -159,7 +159,7 @@ class RunSummary:
     unknown: `bumps`, `distance_mm`, `mean_speed_mm_s` and `off_map` are None. `params` is None if no site set
     any. `others` are the other robots of a simulated world. `driver_failures` has a line for each server of a
     real robot whose driver failed. `shadow` is True if the program ran in the shadow of a robot: it commanded
-    nothing, and all else is what it would have done.
+    nothing, and all else is what it would have done. `unread` are the sensors that never had a value.
     """
 
     robot: str
@@ -187,6 +187,7 @@ class RunSummary:
     driver_failures: tuple[str, ...] = ()
     shadow: bool = False
     off_map: OffMap | None = None
+    unread: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, object]:
         """Return the summary as plain dicts and lists."""
@@ -358,6 +359,7 @@ def render(summary: RunSummary) -> str:
         for i in summary.interventions
     ]
     lines += [f"  {printable(failure)}" for failure in summary.driver_failures]
+    lines += [f"  {quoted(summary.unread)} never had a value"] if summary.unread else []
     if summary.restarts:
         lines.append(f"  all memory restarted {counted(summary.restarts, 'time')}")
     if summary.skipped:

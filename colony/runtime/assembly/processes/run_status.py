@@ -49,13 +49,20 @@ class RunStatusTracker:
     """
 
     def __init__(
-        self, deployment: Deployment, *, file: str, params: str = "", compiled: Compiled | None = None
+        self,
+        deployment: Deployment,
+        *,
+        file: str,
+        params: str = "",
+        compiled: Compiled | None = None,
+        still: Callable[[], str] = str,
     ) -> None:
         self._deployment = deployment
         self._compiled = compiled
         self._keyframe = RunKeyframe(k=-1, text="")
         self._file = file
         self._params = params
+        self._still = still
         self._clients = {address: _Client() for address, _ in client_addresses(deployment)}
         self._commanded_by: dict[str, str | None] = {}
         self._k = -1
@@ -156,6 +163,7 @@ class RunStatusTracker:
             faults=self._faults,
             broken=dict(self._broken),
             site=dict(self._site),
+            still=self._still(),
             clients=tuple(
                 ClientStanding(
                     address=address,
