@@ -97,10 +97,12 @@ class Stage:
         self.now_ns = 0
         self.server = Server()
         self.reports: list[tuple[int, str]] = []
+        self.acknowledged: list[int] = []
         self.action = OutputAction(
             {"topic": "walk", "type": TYPE, "timeout_ms": TIMEOUT_NS / MS},
             wake=lambda: self.action.step(),
             report=lambda number, state: self.reports.append((number, state)),
+            acknowledge=lambda number: self.acknowledged.append(number),
             clock=lambda: self.now_ns,
         )
         self.look()
@@ -197,6 +199,19 @@ def test_a_goal_without_a_decision_is_canceled_after_the_timeout(stage: Stage) -
     assert stage.action.halt(stage.now_ns) == "walk: the goal is not canceled yet"
     stage.server.clients["cancel_goal"].requests[-1][1].answer(return_code=0)
     assert stage.action.halt(stage.now_ns) == ""
+
+
+@pytest.mark.parametrize("is_agreed", [True, False])
+def test_a_stop_is_acknowledged_as_soon_as_the_goal_is_canceled(stage: Stage, is_agreed: bool) -> None:
+    stage.decide(1)
+    goal = stage.answer()
+    stage.action.stop_number = 7
+    assert stage.action.halt(0)
+    assert not stage.acknowledged
+    if is_agreed:
+        stage.server.clients["cancel_goal"].requests[-1][1].answer(return_code=0)
+    stage.status((goal, CANCELED))
+    assert stage.acknowledged == [7]
 
 
 def test_a_cancellation_without_an_answer_is_sent_again(stage: Stage) -> None:
@@ -353,6 +368,6 @@ def test_feedback_on_another_goal_is_not_forwarded(stage: Stage) -> None:
 
 
 def test_an_action_without_its_type_says_so(stage: Stage) -> None:
-    action = OutputAction({"topic": "walk", "type": "no_msgs/action/No", "timeout_ms": 250}, list, list)
+    action = OutputAction({"topic": "walk", "type": "no_msgs/action/No", "timeout_ms": 250}, list, list, list)
     found = action.look(Server(), 0)
     assert found["error"] == "/walk: this ROS environment has no type `no_msgs/action/No`"

@@ -7,6 +7,7 @@ import signal
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -117,7 +118,8 @@ def test_the_goals_of_a_behavior_follow_each_other_and_end_with_it(ros: Ros, tmp
             lambda: walker.said("began")[-1] == 2 and len(walker.said("ended")) < len(walker.said("began")),
             "again",
         )
-        assert stage.machine.run("stop", "--robot", "burger").wait() == 0
+        stop = partial(stage.machine.run, "stop", "--robot", "burger")
+        until(lambda: stop().wait() == 0, "the server has agreed in time")
         until(lambda: len(walker.said("ended")) == len(walker.said("began")), "a stop cancels it")
         assert stage.machine.run("stop", "--robot", "burger", "--release").wait() == 0
         until(lambda: len(walker.said("ended")) < len(walker.said("began")), "it goes on")

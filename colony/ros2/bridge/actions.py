@@ -78,6 +78,7 @@ class OutputAction:
         settings: its name, type and timeout.
         wake: has the executor's thread call `step`.
         report: takes the number of the goal and its state whenever one of them changes.
+        acknowledge: takes the number of a stop once the goals are canceled.
         clock: the monotonic clock in nanoseconds.
     """
 
@@ -86,6 +87,7 @@ class OutputAction:
         settings: dict[str, Any],
         wake: Callable[[], Any],
         report: Callable[[int, str], Any],
+        acknowledge: Callable[[int], Any],
         clock: Callable[[], int] = time.monotonic_ns,
     ) -> None:
         self.topic: str = settings["topic"]
@@ -103,7 +105,8 @@ class OutputAction:
         self.forward: Callable[[bytes], Any] = lambda data: None
         self.servers: set[bytes] = set()
         self.owner = b""
-        self.wake, self.report, self.clock = wake, report, clock
+        self.stop_number: int | None = None  # of the last stop, until it is acknowledged
+        self.wake, self.report, self.acknowledge, self.clock = wake, report, acknowledge, clock
         self.class_: Any = None
         self.send_client: Any = None
         self.cancel_client: Any = None
@@ -310,6 +313,7 @@ class OutputAction:
                 self.forget(goal_id)
             elif code == 0:
                 self.canceling.add(goal_id)
+                self.note_quiet()
 
         future.add_done_callback(answered)
 
@@ -317,6 +321,14 @@ class OutputAction:
         """Count a goal as one that has ended."""
         self.open.pop(goal_id, None)
         self.canceling.discard(goal_id)
+        self.note_quiet()
+
+    def note_quiet(self) -> None:
+        """Acknowledge the last stop, if nothing is left to cancel."""
+        number = self.stop_number
+        if number is not None and self.is_quiet:
+            self.stop_number = None
+            self.acknowledge(number)
 
     def set_state(self, goal: SentGoal, state: str) -> None:
         """Set the state of the current goal, and report a new one."""

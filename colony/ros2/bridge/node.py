@@ -215,7 +215,7 @@ class Bridge:
         for each in settings.get("out", ()):
             if "/action/" in each["type"]:
                 reporter = partial(self.report_goal, len(self.outputs))
-                self.outputs.append(OutputAction(each, self.goals.trigger, reporter))
+                self.outputs.append(OutputAction(each, self.goals.trigger, reporter, self.answer))
             else:
                 self.outputs.append(OutputTopic(each))
         with self.lock:
@@ -256,7 +256,10 @@ class Bridge:
             self.outputs[channel].decide(decided_ns, packet[DECIDED.size :], now_ns)
         elif kind == b"s":
             _, channel, number = STOP.unpack(packet)
-            self.answer(number, self.outputs[channel].halt(now_ns))
+            output = self.outputs[channel]
+            if isinstance(output, OutputAction):
+                output.stop_number = number
+            self.answer(number, output.halt(now_ns))
         elif kind == b"p":
             self.answer(ANSWER.unpack(packet)[1], "")
         elif kind == b"c":
@@ -265,7 +268,7 @@ class Bridge:
             self.introspection.take(json.loads(packet[1:].decode()))
         return bool(packet)
 
-    def answer(self, number: int, why: str) -> None:
+    def answer(self, number: int, why: str = "") -> None:
         """Answer a stop or a question."""
         with suppress(OSError):
             self.pipe.send(ANSWER.pack(b"a", number) + why.encode(), socket.MSG_DONTWAIT)
