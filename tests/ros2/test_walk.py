@@ -134,7 +134,6 @@ def test_a_goal_of_a_killed_server_is_lost_and_sent_to_the_next_one(ros: Ros) ->
     later = ros.walker()
     walk.go(1, lambda: later.said("began") == [1], "the next server has it")
     walk.go_until(1, "executing")
-    assert "lost" in walk.states
     later.process.kill()
     walk.go_until(1, "lost")  # as soon as the middleware finds it, 20 s with Fast DDS
     assert "no node serves /walk" in (walk.driver.problem or "")
