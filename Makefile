@@ -35,6 +35,7 @@ test-thorough: $(DEV)
 
 ros2: $(DEV)
 	-ROS2_RELEASE=$(RELEASE) $(BIN)/python -m tests.ros2.environment
+	-ROS2_RELEASE=$(RELEASE) $(BIN)/python -m tests.ros2.nav2
 	ROS2_RELEASE=$(RELEASE) $(BIN)/python -m pytest -n 0 -rs -m ros2 tests/ros2
 
 ros2-sample: $(DEV)

@@ -58,6 +58,7 @@ NOT_RUN = {
     r"^ *colony experiment .*--runs \d\d": "minutes of simulation; tests/cli/experiment",
     r"^python -m studies ": "hours of simulation; tests/studies",
     r"^python -m tools\.": "hours, or another renderer",
+    "^ros2 |^from launch ": "needs ROS 2; tests/ros2",
     "^make ": "the whole suite, or hours",
 }
 """Patterns of the lines of shell, and of the programs, that are only parsed, each with the reason."""

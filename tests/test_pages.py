@@ -9,6 +9,7 @@ import json
 import re
 import shlex
 import tomllib
+from configparser import ConfigParser
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -91,6 +92,8 @@ def test_a_block_is_of_its_language(block: Block) -> None:
             tomllib.loads(block.text)
         case "yaml":
             yaml.safe_load(block.text)
+        case "ini":
+            ConfigParser(interpolation=None).read_string(block.text)
         case "json":
             for row in block.text.splitlines() if block.text.startswith('{"') else [block.text]:
                 json.loads(row)

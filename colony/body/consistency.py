@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import combinations
 from typing import Protocol
 
@@ -28,7 +28,7 @@ from colony.body.devices import (
     ValuesSpec,
 )
 from colony.body.model import Body, Circle, Omnidirectional, Polygon, Rolling, ServerTable, radius_mm
-from colony.body.ros2 import BASE_NAMES, BASE_TYPES, unit_problem
+from colony.body.ros2 import BASE_NAMES, BASE_TYPES, Ros2Topic, action_of, unit_problem
 from colony.ir.bearings import TURN, too_many_hint, uniform
 from colony.ir.servers import COMMON_SERVERS, MAX_SERVER_NAME, PROXIMITY, RESERVED_SERVER_NAMES, RSERVER
 from colony.ir.types import DISTANCE, Array, type_text
@@ -332,6 +332,32 @@ def _topics(name: str, body: Body, places: Located) -> Iterator[Diagnostic]:
             yield error("B009", places.value(*keys, key, "type"), message, f"expected {quoted(types, 'or')}")
         if (problem := unit_problem(topic)) is not None:
             yield error("B007", places.value(*keys, key, "unit"), problem)
+        yield from _actions(key, server.ros2, is_base, places, keys)
+
+
+def _actions(
+    key: str, topics: Mapping[str, Ros2Topic], is_base: bool, places: Located, keys: tuple[str, ...]
+) -> Iterator[Diagnostic]:
+    """Yield an error for a key of `ros2` that is not either a topic or an action, as its type says."""
+    topic, first = topics[key], action_of(topics)
+    if not topic.name:
+        message = f"`{'.'.join((*keys, key))}` has no `topic`"
+        yield error("B004", places.key(*keys, key), message, "write `topic`, or `action` for a command")
+    elif topic.topic and topic.action:
+        yield error("B009", places.key(*keys, key), f"`{key}` is both a topic and an action")
+    elif bool(topic.action) != ("/action/" in topic.type):
+        word = "action" if topic.action else "topic"
+        message = (
+            f"`{key}` is of the type {topic.type}, which is not that of a{'n' * bool(topic.action)} {word}"
+        )
+        hint = f"write `{'topic' if topic.action else 'action'} = ...`, or another type"
+        yield error("B009", places.value(*keys, key, "type"), message, hint)
+    elif topic.action and is_base:
+        hint = "give it a server of its own"
+        yield error("B009", places.key(*keys, key), "a base has no actions", hint)
+    elif topic.action and first is not None and first[0] != key:
+        message = f"`{first[0]}` and `{key}` are actions: a server has one"
+        yield error("B009", places.key(*keys, key), message, "give each a server of its own")
 
 
 def _faults(server: ServerTable, places: Located, keys: tuple[str, ...]) -> Iterator[Diagnostic]:

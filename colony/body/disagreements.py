@@ -26,7 +26,18 @@ from colony.body.devices import (
 )
 from colony.body.model import Body, ServerTable
 from colony.body.reader import BodyFile
-from colony.body.ros2 import DRIVE, ODOM, Ros2Topic, is_scan, parameter_path, path_of
+from colony.body.ros2 import (
+    DRIVE,
+    GOAL_STATES,
+    ODOM,
+    STATUS,
+    Ros2Topic,
+    action_of,
+    field_topic,
+    is_scan,
+    parameter_path,
+    path_of,
+)
 from colony.body.servers import servers_of
 from colony.ir.bearings import LIST_STEP, TURN, between
 from colony.ir.fitting import (
@@ -39,7 +50,7 @@ from colony.ir.fitting import (
 from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
 from colony.ir.ros2_messages import AUTO, AXES, TWIST, TWIST_STAMPED, TWISTS, part_problem
 from colony.ir.servers import FieldSpec, ServerSpec
-from colony.ir.types import DISTANCE, Array, Quantity, bearings_of, element_type, is_percent
+from colony.ir.types import DISTANCE, Array, Enum, Quantity, bearings_of, element_type, is_percent
 from colony.text.diagnostics import Diagnostic, Label, error, warning
 from colony.text.wording import counted, degrees_text, did_you_mean, duration_text, quoted
 
@@ -430,6 +441,9 @@ def _topics(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:
             else:
                 yield from _part(topic, file, keys)
 
+        if (action := action_of(server.ros2)) is not None:
+            yield from _goals(name, action[0], server, robot, file)
+
 
 def _part(topic: Ros2Topic, file: BodyFile, keys: tuple[str, ...]) -> Iterator[Diagnostic]:
     """Yield an error for a field whose message has no such part, as far as its type is known here."""
@@ -454,6 +468,32 @@ def _set_parts(
             where = file.value(*keys, "parameters", parameter.name) if topic.parameters else file.key(*keys)
             hint = f'name the part of the message: `parameters = {{ {parameter.name} = "..." }}`'
             yield error("B009", where, problem, hint, Label(parameter.span, "declared here"))
+
+
+def _goals(
+    server_name: str, command: str, server: ServerTable, robot: Robot, file: BodyFile
+) -> Iterator[Diagnostic]:
+    """Yield an error for an actuator or a sensor that cannot be a goal of an action, or its state."""
+    place = file.key("server", server_name, "ros2", command)
+    for actuator in robot.actuators:
+        if (actuator.server, actuator.command) == (server_name, command) and actuator.idle is not None:
+            message = f"`{actuator.name}` is the goal of an action, and is idle without one"
+            declared = Label(actuator.span, "declared here")
+            yield error(
+                "B009", place, message, "declare it with `idle hold`: the goal is then canceled", declared
+            )
+    for sensor in robot.sensors:
+        if sensor.server != server_name or sensor.sent is not None:
+            continue
+        topic = field_topic(server.ros2, sensor.field)
+        if topic is None or not topic.action or topic.path != STATUS:
+            continue
+        members = dict(sensor.type.members) if isinstance(sensor.type, Enum) else {}
+        if missing := [state for state in GOAL_STATES if state not in members]:
+            message = f"`{sensor.name}` is the state of a goal, and lacks {quoted(missing, 'and')}"
+            states = ", ".join(f"{state} = {i}" for i, state in enumerate(GOAL_STATES))
+            declared = Label(sensor.span, "declared here")
+            yield error("B009", place, message, f"declare an enum {{ {states} }}", declared)
 
 
 def _unread(robot: Robot, body: Body, file: BodyFile) -> Iterator[Diagnostic]:

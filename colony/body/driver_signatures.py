@@ -19,8 +19,8 @@ from colony.text.wording import did_you_mean, listed, quoted
 MAX_BYTES = 4 << 20
 """Maximum size of a module that is read."""
 
-GIVEN = "frame_ns"
-"""The parameter that a driver is given without an option."""
+GIVEN = frozenset({"frame_ns", "robot_address"})
+"""The parameters that a driver is given without an option."""
 
 _Definition = ast.FunctionDef | ast.ClassDef
 
@@ -117,10 +117,10 @@ def _option_misfits(
             yield error("B020", place, message)
         if option not in parameters and accepted.kwarg is None:
             place = file.key("server", server, "hardware", option)
-            others = [parameter for parameter in parameters if parameter != GIVEN]
+            others = [parameter for parameter in parameters if parameter not in GIVEN]
             hint = did_you_mean(option, others) or (f"it has {quoted(others)}" if others else "it has none")
             yield error("B020", place, f"`{hardware.driver}` has no option `{option}`", hint)
-    missing = [name for name in required if name not in hardware.options and name != GIVEN]
+    missing = [name for name in required if name not in hardware.options and name not in GIVEN]
     if missing:
         place = file.value("server", server, "hardware", "driver")
         yield error("B020", place, f"`{hardware.driver}` requires {quoted(missing)}")

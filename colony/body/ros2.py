@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Literal
 
@@ -40,11 +40,16 @@ _STEP = r"\w+(?:\[\d+\])?"
 _PATH = TextKind(rf"{_STEP}(?:\.{_STEP})*", "a path such as `status.level` or `axes[1]`")
 _FILE = TextKind(r"[^\0\n]+", "a path")
 
+NAVIGATE_TO_POSE = "nav2_msgs/action/NavigateToPose"
 MAX_DOMAIN = 232
 
 DRIVE, ODOM = "drive", "odom"
 BASE_NAMES = (DRIVE, ODOM, "bumper", "front_bumper", "rear_bumper")
 """The topics that `RServer` has: the twist that it commands, its odometry, and what touches it."""
+
+STATUS = "status"
+GOAL_STATES = ("idle", "sent", "executing", "succeeded", "canceled", "aborted", "rejected", "lost")
+"""The field of an action that has the state of its goal, and the members of its enum."""
 
 BASE_TYPES = {DRIVE: TWISTS, ODOM: (ODOMETRY,)}
 
@@ -70,18 +75,33 @@ class Ros2Node:
     use_sim_time: bool = entry(
         "use_sim_time", Flag(), "true if the time is that of the topic /clock [default: false]", default=False
     )
+    introspection: bool = entry(
+        "introspection",
+        Flag(),
+        "false to keep the robot's services, diagnostics, winners and params from ROS [default: true]",
+        default=True,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ros2Topic:
-    """The topic of a field or of a command of a server."""
+    """The topic of a field or of a command of a server, or the action that is its command."""
 
     topic: str = entry(
-        "topic", TextKind(_TOPIC, "the name of a topic"), "the topic, within the node's namespace"
+        "topic",
+        TextKind(_TOPIC, "the name of a topic"),
+        "the topic, within the node's namespace",
+        default="",
+    )
+    action: str = entry(
+        "action",
+        TextKind(_TOPIC, "the name of an action"),
+        "the action, in the place of a topic; each command of the server is a goal",
+        default="",
     )
     type: str = entry(
         "type",
-        TextKind(r"auto|\w+/msg/\w+", "`PACKAGE/msg/NAME`"),
+        TextKind(r"auto|\w+/(?:msg|action)/\w+", "`PACKAGE/msg/NAME` or `PACKAGE/action/NAME`"),
         "the type of its messages; `auto` is Twist or TwistStamped, as the subscribers expect",
     )
     path: str | None = entry(
@@ -99,7 +119,8 @@ class Ros2Topic:
     frame: str = entry(
         "frame",
         TextKind(r"[\w/\-.]+", "a frame"),
-        "the frame of its messages; others are refused. Of a command, the frame that it is stamped with",
+        "the frame of its messages; others are refused. Of a command, the frame that it is stamped with "
+        "[default for actions: map]",
         default="",
     )
     pose: MountPose = entry("pose", POSE, POSE_MEANING, default=CENTER)
@@ -142,6 +163,17 @@ class Ros2Topic:
         "the part of the message that each parameter sets [default: `data`, or the part of its name]",
         default={},
     )
+    feedback: Mapping[str, str] = entry(
+        "feedback",
+        NamedTables(_PATH),
+        "the part of the feedback that each field of the server is [default: the part of its name]",
+        default={},
+    )
+
+    @property
+    def name(self) -> str:
+        """The name of the topic or action."""
+        return self.topic or self.action
 
 
 _TWIST_UNITS = (("linear", "m/s"), ("angular", "rad/s"))
@@ -181,8 +213,40 @@ UNITS: Mapping[str, tuple[tuple[str, str], ...]] = {
         ("percentage", "number"),
     ),
     "sensor_msgs/msg/Temperature": (("temperature", "degC"),),
+    NAVIGATE_TO_POSE: (
+        ("pose.pose.position", "m"),
+        ("pose.pose.orientation", "rad"),
+        ("current_pose.pose.position", "m"),
+        ("current_pose.pose.orientation", "rad"),
+        ("distance_remaining", "m"),
+        ("navigation_time.sec", "s"),
+        ("estimated_time_remaining.sec", "s"),
+    ),
 }
 """The units of the parts of standard messages, each by how its path begins."""
+
+
+GOAL_PATHS = {
+    NAVIGATE_TO_POSE: {
+        "x": "pose.pose.position.x",
+        "y": "pose.pose.position.y",
+        "heading": "pose.pose.orientation.heading",
+    }
+}
+"""The parts of a goal that parameters of these names set, by the type of the action."""
+
+
+def action_of(topics: Mapping[str, Ros2Topic]) -> tuple[str, Ros2Topic] | None:
+    """Return the command of a server that is an action, and the action; None without one."""
+    return next(((name, topic) for name, topic in topics.items() if topic.action), None)
+
+
+def field_topic(topics: Mapping[str, Ros2Topic], field: str) -> Ros2Topic | None:
+    """Return the topic of a field of a server: its own, or the action of the server with its part of it."""
+    action = action_of(topics)
+    if field in topics or action is None:
+        return topics.get(field)
+    return replace(action[1], path=action[1].feedback.get(field, field))
 
 
 def path_of(topic: Ros2Topic) -> str:
@@ -197,7 +261,8 @@ def is_scan(topic: Ros2Topic) -> bool:
 
 def parameter_path(topic: Ros2Topic, parameter: str) -> str:
     """Return the part of a message that a parameter sets."""
-    return topic.parameters.get(parameter) or DRIVE_PATHS.get(parameter, parameter)
+    known = GOAL_PATHS.get(topic.type, {}) if topic.action else DRIVE_PATHS
+    return topic.parameters.get(parameter) or known.get(parameter, parameter)
 
 
 def unit_of(topic: Ros2Topic, path: str) -> Unit | None:

@@ -7,7 +7,15 @@ from dataclasses import replace
 
 from colony.body.devices import Device, Directed
 from colony.body.model import Body, ServerTable
-from colony.body.ros2 import Ros2Topic, is_scan, parameter_path, path_of, unit_of
+from colony.body.ros2 import (
+    Ros2Topic,
+    action_of,
+    field_topic,
+    is_scan,
+    parameter_path,
+    path_of,
+    unit_of,
+)
 from colony.ir.bearings import between
 from colony.ir.program import Actuator, ActuatorField, Robot, Sensor
 from colony.ir.ros2_messages import AUTO
@@ -60,7 +68,9 @@ def in_ros_units(spec: ServerSpec, server: ServerTable, robot: Robot) -> ServerS
     """Return a server whose driver gives and takes numbers in the units of ROS, and others as declared."""
     declared = in_declared_units(spec, robot)
     fields = tuple(
-        f if (unit := _unit(server.ros2.get(f.name), f)) is None else replace(f, factor=float(unit.factor))
+        f
+        if (unit := _unit(field_topic(server.ros2, f.name), f)) is None
+        else replace(f, factor=float(unit.factor))
         for f in declared.fields
     )
     commands = tuple(
@@ -102,10 +112,11 @@ def _fields(server: ServerTable, device: Device | None, sensors: Mapping[str, Se
     for spec in measured:
         yield _described(spec, server, sensors.get(spec.name))
     known = {spec.name for spec in measured}
-    for field in dict.fromkeys((*server.fields, *server.ros2)):
+    others = () if action_of(server.ros2) is None else sensors  # those without a topic are of the action
+    for field in dict.fromkeys((*server.fields, *server.ros2, *others)):
         if field in known or (sensor := sensors.get(field)) is None:
             continue
-        topic = server.ros2.get(field)
+        topic = field_topic(server.ros2, field)
         spec = FieldSpec(field, sensor.type, _DECLARED) if topic is None else _topic_field(topic, sensor)
         yield _described(spec, server, sensor)
 

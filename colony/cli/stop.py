@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,12 +22,6 @@ from colony.runtime.kit.discovery import running_robots, session_with
 if TYPE_CHECKING:
     from colony.runtime.kit.connection import Session
 
-
-INSIST_S = 10.0
-"""Seconds for which a stop is sent again and again to servers that have not answered.
-
-They may be frozen, or be started again just now, and would drive on afterwards.
-"""
 
 BASE_SERVERS = frozenset({"RServer", "Clock", "Leader", "Simulator", "Supervisor"})
 """Servers whose presence means that there is a base to stop, even while RServer itself is down.
@@ -110,16 +103,14 @@ def _command(name: str, release: bool, connect: str | None, security: Path | Non
 
 
 def _stop(name: str, session: Session) -> bool:
-    from colony.runtime.kit.emergency import StopButton
+    from colony.runtime.kit.emergency import INSIST_S, StopButton
 
     with StopButton(session, name="colony stop") as button:
         pressed = button.press()
         if pressed.unanswered:
             problems = "; ".join(pressed.problems.values())
             say(f"{name}: {problems}; pressing on for {INSIST_S:g} s (Ctrl-C gives up)")
-        until = time.monotonic() + INSIST_S
-        while pressed.unanswered and time.monotonic() < until:
-            pressed = button.press()
+        pressed = button.insist(pressed)
     for problem in pressed.problems.values():
         say(f"{name}: error: {problem}")
     if pressed.acknowledged:

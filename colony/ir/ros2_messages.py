@@ -20,6 +20,7 @@ BATTERY_STATE = "sensor_msgs/msg/BatteryState"
 IMU = "sensor_msgs/msg/Imu"
 ODOMETRY = "nav_msgs/msg/Odometry"
 QUATERNION = "geometry_msgs/msg/Quaternion"
+HEADER = "std_msgs/msg/Header"
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 STRING = "std_msgs/msg/String"
 BOOL = "std_msgs/msg/Bool"
@@ -41,7 +42,7 @@ _XYZ = (("x", "double"), ("y", "double"), ("z", "double"))
 
 STANDARD: dict[str, tuple[tuple[str, str], ...]] = {
     "builtin_interfaces/msg/Time": (("sec", "int32"), ("nanosec", "uint32")),
-    "std_msgs/msg/Header": (("stamp", "builtin_interfaces/Time"), ("frame_id", "string")),
+    HEADER: (("stamp", "builtin_interfaces/Time"), ("frame_id", "string")),
     "std_msgs/msg/Empty": (),
     BOOL: (("data", "boolean"),),
     "std_msgs/msg/Float32": (("data", "float"),),
@@ -131,6 +132,11 @@ STANDARD: dict[str, tuple[tuple[str, str], ...]] = {
 
 
 # --- parts ----------------------------------------------------------------------------------------
+
+
+def is_action(type_: str) -> bool:
+    """Return True for the type of an action, or of a part of one."""
+    return "/action/" in type_
 
 
 _STEP = re.compile(r"(\w+)(?:\[(\d+)\])?")

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 from colony.extras import expect_extras
 from colony.ir.ros2_messages import AUTO, STANDARD, TWIST, TWIST_STAMPED
 from colony.ros2.cdr import Definition, MessageError, structure
-from colony.ros2.connection import HeardTopic, NodeSettings
+from colony.ros2.connection import NodeSettings
 from colony.ros2.incoming import ArrivedMessage, Incoming, SimulatedClock
+from colony.ros2.topics import HeardTopic
 
 BEGIN_NS = 10_000_000_000
 """The time at which a bag begins here: what it has was measured up to a second before."""

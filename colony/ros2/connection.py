@@ -16,16 +16,20 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from colony.backoff import Backoff
 from colony.ir.ros2_messages import AUTO, STANDARD, TWIST
 from colony.ros2.cdr import Definition, MessageError, structure
-from colony.ros2.graph import heard_problems, sent_problems
 from colony.ros2.incoming import ArrivedMessage, Incoming, SimulatedClock
+from colony.ros2.topics import CommandedAction, CommandedTopic, GoalState, HeardTopic
 from colony.runtime.kit.once import OnceReporter, Report, exception_text, failure_text
+from colony.runtime.transport.live.robot_address import RobotAddress
 
-BRIDGE = Path(__file__).with_name("bridge.py")
+if TYPE_CHECKING:
+    from colony.ros2.introspection import RobotIntrospection
+
+BRIDGE = Path(__file__).with_name("bridge")
 
 PYTHON = "/usr/bin/python3"
 """The Python of most ROS environments."""
@@ -95,6 +99,7 @@ class NodeSettings:
         python: the Python of that environment; "" for the usual one.
         use_sim_time: True if the time is that of the topic /clock.
         survey: True to hear of all topics of the graph.
+        introspection: True if other nodes see the robot: its services, diagnostics, winners and params.
     """
 
     name: str = "colony"
@@ -104,6 +109,7 @@ class NodeSettings:
     python: str = ""
     use_sim_time: bool = False
     survey: bool = False
+    introspection: bool = True
 
     def command(self, descriptor: int) -> list[str]:
         """Return the command that starts the bridge over its end of the socket pair."""
@@ -116,74 +122,6 @@ class NodeSettings:
         """Return the environment of the bridge; without settings, that of colony is one of ROS."""
         is_other = self.setup or self.python or _LEFT_OUT[1] in given
         return {k: v for k, v in given.items() if not (is_other and k in _LEFT_OUT)}
-
-
-class HeardTopic:
-    """A topic that is heard. Mutable: has what the bridge reports of it."""
-
-    def __init__(self, incoming: Incoming, type_: str, quality: str) -> None:
-        self.incoming, self.type, self.quality = incoming, type_, quality
-        self.problems: tuple[str, ...] = ()
-
-    @property
-    def problem(self) -> str | None:
-        """Why nothing usable arrives, or None."""
-        return next(iter(self.problems), None) or self.incoming.fault
-
-    def settings(self) -> Mapping[str, Any]:
-        """Return what the bridge needs to subscribe."""
-        return {"topic": self.incoming.topic, "type": self.type, "qos": self.quality}
-
-
-class CommandedTopic:
-    """A topic that is commanded. Mutable: has what the bridge reports of it, and whether its stop arrived.
-
-    Args:
-        topic: its name.
-        type_: its type, or `auto` for the one of the two twists that the subscribers expect.
-        is_stopped: True if a message of zeros is its stop; False if it stays as it was commanded last.
-        timeout_ns: the time without a decision after which the bridge stops.
-        quality: the quality of service, `reliable`, `best_effort` or `latched`.
-        alone: True to refuse to begin beside another publisher.
-        frame: the frame of stamped messages.
-    """
-
-    def __init__(
-        self,
-        topic: str,
-        type_: str,
-        *,
-        is_stopped: bool,
-        timeout_ns: int,
-        quality: str = "reliable",
-        alone: bool = False,
-        frame: str = "",
-    ) -> None:
-        self.topic, self.quality = topic, quality
-        self._settings = {
-            "topic": topic,
-            "type": type_,
-            "qos": quality,
-            "stop": is_stopped,
-            "timeout_ms": timeout_ns / 1e6,
-            "alone": alone,
-            "frame": frame,
-        }
-        self.problems: tuple[str, ...] = ()
-        self.error = f"{topic} is being discovered"
-        self.number = 0
-        self.unreached: str | None = None
-        self.asked_s: float | None = None  # while an answer is due
-        self.retry_s = 0.0
-
-    @property
-    def problem(self) -> str | None:
-        """Why commands do not arrive, or not ours alone; None if they do."""
-        return "; ".join(self.problems) or None
-
-    def settings(self) -> Mapping[str, Any]:
-        """Return what the bridge needs to publish."""
-        return self._settings
 
 
 _connections: dict[tuple[NodeSettings, Callable[[str], None]], Ros2Connection] = {}
@@ -200,8 +138,13 @@ def to_stderr(problem: str) -> None:
 class Ros2Connection:
     """A bridge, and its topics. Mutable; shared by its thread and those of servers."""
 
-    def __init__(self, node: NodeSettings, report: Report) -> None:
+    def __init__(self, node: NodeSettings, report: Report, robot: RobotAddress | None = None) -> None:
         self._node, self._report = node, report
+        self._introspection: RobotIntrospection | None = None
+        if robot is not None and node.introspection:
+            from colony.ros2.introspection import RobotIntrospection
+
+            self._introspection = RobotIntrospection(robot, self._send_state)
         self._inputs: list[HeardTopic] = []  # both grow only
         self._outputs: list[CommandedTopic] = []
         self._sent = (0, 0)  # the number of each that the bridge knows
@@ -221,12 +164,22 @@ class Ros2Connection:
         self._thread = threading.Thread(target=self._run, name="ros2", daemon=True)
 
     @classmethod
-    def shared(cls, node: NodeSettings, report: Report = to_stderr) -> Ros2Connection:
-        """Return the connection of this process for a node; each call is ended by `close`."""
+    def shared(
+        cls, node: NodeSettings, report: Report = to_stderr, robot: RobotAddress | None = None
+    ) -> Ros2Connection:
+        """Return the connection of this process for a node; each call is ended by `close`.
+
+        Args:
+            node: the node.
+            report: takes each problem of the bridge.
+            robot: the robot that other nodes see; None for none.
+        """
         with _connections_lock:
             if (found := _connections.get((node, report))) is None:
-                found = _connections[node, report] = cls(node, report)
+                found = _connections[node, report] = cls(node, report, robot)
                 found._thread.start()
+                if found._introspection is not None:
+                    found._introspection.start()
             found._drivers += 1
             return found
 
@@ -288,7 +241,7 @@ class Ros2Connection:
             ConnectionError: the bridge does not run, or cannot publish.
         """
         connection = self._socket
-        if connection is None or self._outputs.index(output) >= self._sent[1] or output.error:
+        if connection is None or self._outputs.index(output) >= self._sent[1] or output.refusal:
             why = self._problem or output.error or "the bridge is starting"
             raise ConnectionError(f"{output.topic} is not commanded: {why}")
         with self._lock:
@@ -322,6 +275,8 @@ class Ros2Connection:
             for key in [key for key, found in _connections.items() if found is self]:
                 del _connections[key]
         self._closed.set()
+        if self._introspection is not None:
+            self._introspection.close()
         self._thread.join(2 * END_S)
 
     # --- stops ---------------------------------------------------------------------------------------
@@ -405,10 +360,11 @@ class Ros2Connection:
 
     def _talk(self, ours: socket.socket, bridge: subprocess.Popen[bytes]) -> None:
         node = self._node
-        first = {"name": node.name, "namespace": node.namespace, "use_sim_time": node.use_sim_time}
-        first["survey"] = node.survey
+        first: dict[str, Any] = {"name": node.name, "namespace": node.namespace, "survey": node.survey}
+        first["use_sim_time"] = node.use_sim_time
         self._sent = (0, 0)
-        self._send_settings(ours, {"node": {**first, "domain": node.domain}})
+        first |= {"domain": node.domain, "introspection": self._introspection is not None}
+        self._send_settings(ours, {"node": first})
         self._socket, self._heard_s = ours, time.monotonic() + START_S - SILENT_S
         readable = select.poll()
         readable.register(ours, select.POLLIN)
@@ -416,7 +372,7 @@ class Ros2Connection:
         while not self._closed.is_set():
             is_ready = readable.poll(WAKE_S * 1000)
             if is_ready:
-                self._take(ours.recv(MAX_PACKET_BYTES), bridge)
+                self._take(_received(ours), bridge)
             now_s = time.monotonic()
             if now_s - looped_s > ANSWER_S or not self._is_up:  # this process was frozen: its mail is old
                 self._life_s = read_s = now_s
@@ -452,6 +408,13 @@ class Ros2Connection:
             ours.send(b"c" + json.dumps(settings).encode())
             self._sent = (len(self._inputs), len(self._outputs))
 
+    def _send_state(self, state: Mapping[str, Any]) -> None:
+        """Send the bridge what other nodes of ROS 2 see; what it does not take is dropped."""
+        connection = self._socket
+        if connection is not None and self._is_up:
+            with suppress(OSError):
+                connection.send(b"i" + json.dumps(state).encode(), socket.MSG_DONTWAIT)
+
     def _take(self, packet: bytes, bridge: subprocess.Popen[bytes]) -> None:
         kind = packet[:1]
         if kind == b"m":
@@ -480,6 +443,13 @@ class Ros2Connection:
                     each.incoming.kind = self.structure(each.type)
         if "topic" in report:
             self.topics[report["topic"]["name"]] = report["topic"]
+        if "goal" in report:
+            channel, *goal = report["goal"]
+            output = self._outputs[channel]
+            assert isinstance(output, CommandedAction)
+            output.note(GoalState(*goal))
+        if "call" in report and self._introspection is not None:
+            self._introspection.on_call(*report["call"])
         if "graph" in report:
             self._heard_s = time.monotonic()
             self._clock.note(report["t_ns"], report["ros_ns"])
@@ -489,16 +459,11 @@ class Ros2Connection:
 
     def _take_graph(self, graph: Mapping[str, Any]) -> None:
         for each, seen in zip(self._inputs, graph["in"], strict=False):
-            type_ = each.type
-            if type_ == AUTO:
-                type_ = seen["type"] or TWIST
-                each.incoming.kind = self.structure(type_)
-            problems = heard_problems(seen, type_, each.quality)
-            each.problems = tuple(problems) if self._is_settled else ()
+            if each.type == AUTO:
+                each.incoming.kind = self.structure(seen["type"] or TWIST)
+            each.take(seen, is_settled=self._is_settled)
         for output, seen in zip(self._outputs, graph["out"], strict=False):
-            output.error = seen["error"]
-            problems = sent_problems(seen, output.quality)
-            output.problems = tuple(problems) if self._is_settled else ()
+            output.take(seen, is_settled=self._is_settled)
 
     def _forget(self) -> None:
         """Forget what a bridge that ends has heard; another one is asked for all stops again."""
@@ -508,8 +473,7 @@ class Ros2Connection:
             each.incoming.put(None)
             each.problems = ()
         for output in self._outputs:
-            output.problems, output.asked_s, output.retry_s = (), None, 0.0
-            output.error = f"{output.topic} is being discovered"
+            output.forget()
 
     def _note_success(self) -> None:
         self._problem = None
@@ -527,6 +491,14 @@ class Ros2Connection:
         self._problems = self._problems or OnceReporter(self._report)
         full = text if is_known else failure_text("the connection to ROS 2", problem)
         self._problems.report("", text if is_known else type(problem).__name__, full)
+
+
+def _received(ours: socket.socket) -> bytes:
+    """Return the next packet; an empty one at the end, even if the bridge left packets unread."""
+    try:
+        return ours.recv(MAX_PACKET_BYTES)
+    except ConnectionResetError:
+        return b""
 
 
 def _end(bridge: subprocess.Popen[bytes]) -> None:

@@ -10,23 +10,29 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from typing import Any, Protocol
 
-from colony.ir.ros2_messages import AXES, DEFAULT_PATHS, DRIVE_PATHS, LASER_SCAN, RANGE, TWISTS
+from colony.ir.ros2_messages import AXES, DEFAULT_PATHS, DRIVE_PATHS, LASER_SCAN, RANGE, TWISTS, is_action
 from colony.ir.types import ScalarValue, Value
 from colony.ros2.cdr import Structure, encode
-from colony.ros2.connection import CommandedTopic, HeardTopic, NodeSettings, Ros2Connection
+from colony.ros2.connection import NodeSettings, Ros2Connection
 from colony.ros2.heard import ParameterReader
 from colony.ros2.incoming import Message, part
+from colony.ros2.outgoing import ActionGoals, completed
 from colony.ros2.scan import Mounting, ScanReader, UnusableError, distance
+from colony.ros2.topics import CommandedAction, CommandedTopic, HeardTopic
 from colony.runtime.servers.drivers import BaseState, OverheardCommand, Reading
+from colony.runtime.transport.live.robot_address import RobotAddress
 
 TIMEOUT_NS = 250_000_000
 TIMEOUT_FRAMES = 3
 """Time without a decision after which the bridge stops, or number of frames if that is longer."""
 
 DEFAULT_FRAME_NS = 50_000_000
+
+STATUS = "status"
+"""The path of the state of a goal, among those of the feedback on it."""
 
 MM, DEG = 1000.0, 180.0 / math.pi
 
@@ -90,9 +96,18 @@ class _Driver:
     One that listens publishes nothing. It hears what another controller commands in place of that.
     """
 
-    def __init__(self, node: str, frame_ns: int, connection: TopicConnection | None, *, listen: bool) -> None:
+    def __init__(
+        self,
+        node: str,
+        frame_ns: int,
+        connection: TopicConnection | None,
+        robot_address: RobotAddress | None,
+        *,
+        listen: bool,
+    ) -> None:
         settings = NodeSettings(**json.loads(node))
-        self._connection: TopicConnection = connection or Ros2Connection.shared(settings)
+        seen = None if listen else robot_address  # one that only listens offers nothing to other nodes
+        self._connection: TopicConnection = connection or Ros2Connection.shared(settings, robot=seen)
         self._frame_ns, self._listens = frame_ns, listen
         self._inputs: dict[str, HeardTopic] = {}
         self._outputs: dict[str, CommandedTopic] = {}
@@ -109,9 +124,13 @@ class _Driver:
         self._inputs[name] = found
         return found
 
+    def _timeout_ns(self, topic: Mapping[str, Any]) -> int:
+        """Return the time without a decision after which the bridge stops a command."""
+        return topic.get("timeout_ns") or max(TIMEOUT_NS, TIMEOUT_FRAMES * self._frame_ns)
+
     def _command(self, name: str, topic: Mapping[str, Any]) -> None:
         """Command the topic of a command, or listen to it."""
-        timeout_ns = topic.get("timeout_ns") or max(TIMEOUT_NS, TIMEOUT_FRAMES * self._frame_ns)
+        timeout_ns = self._timeout_ns(topic)
         is_stopped = topic.get("stop", "zero" if topic["type"] in TWISTS else "keep") == "zero"
         if self._listens:
             quality = "latched" if topic.get("qos") == "latched" else "best_effort"
@@ -199,6 +218,7 @@ class Ros2Base(_Driver):
         frame_ns: the length of the robot's frames.
         listen: True to command nothing, and to hear what another controller commands.
         connection: what it is heard and commanded over; by default that of the node.
+        robot_address: the robot that other nodes see; None for none.
     """
 
     register_bits: int | None = None
@@ -211,8 +231,9 @@ class Ros2Base(_Driver):
         frame_ns: int = DEFAULT_FRAME_NS,
         listen: bool = False,
         connection: TopicConnection | None = None,
+        robot_address: RobotAddress | None = None,
     ) -> None:
-        super().__init__(node, frame_ns, connection, listen=listen)
+        super().__init__(node, frame_ns, connection, robot_address, listen=listen)
         given = json.loads(topics)
         for name, topic in given["in"].items():
             self._hear(name, topic)
@@ -298,19 +319,44 @@ class Ros2Device(_Driver):
         frame_ns: int = DEFAULT_FRAME_NS,
         listen: bool = False,
         connection: TopicConnection | None = None,
+        robot_address: RobotAddress | None = None,
     ) -> None:
-        super().__init__(node, frame_ns, connection, listen=listen)
+        super().__init__(node, frame_ns, connection, robot_address, listen=listen)
         given = json.loads(topics)
-        self._fields = {name: _Field(topic, self._hear(name, topic)) for name, topic in given["in"].items()}
         self._commands = {name: _Command(topic) for name, topic in given["out"].items()}
+        self._goals: dict[str, ActionGoals] = {}
         for name, topic in given["out"].items():
-            self._command(name, topic)
+            if is_action(topic["type"]):
+                self._goals[name] = self._join(name, topic)
+            else:
+                self._command(name, topic)
+        self._readers = {name: self._reader(name, topic) for name, topic in given["in"].items()}
         self.commands: Set[str] = self._commands.keys()
+
+    def _join(self, name: str, topic: Mapping[str, Any]) -> ActionGoals:
+        """Command an action, and hear the feedback on its goals."""
+        action, type_, timeout_ns = topic["topic"], topic["type"], self._timeout_ns(topic)
+        feedback = self._hear(name, {"topic": action, "type": f"{type_}_Feedback"})
+        output = CommandedAction(action, type_, timeout_ns=timeout_ns, feedback=feedback)
+        self._outputs[name] = self._connection.command(output)
+        return ActionGoals(output, timeout_ns)
+
+    def _reader(self, name: str, topic: Mapping[str, Any]) -> Callable[[], Reading | None]:
+        """Return the function that reads a field."""
+        if not is_action(topic["type"]):
+            field = _Field(topic, self._hear(name, topic))
+            return lambda: field.read(self._message(name), self._connection.now_ns())
+        goals = next(goals for goals in self._goals.values() if goals.output.topic == topic["topic"])
+        part_of_action = _Field(topic, goals.output.feedback)
+        if topic["path"] == STATUS:
+            return lambda: part_of_action.read_state(goals.state)
+        return lambda: part_of_action.read(
+            None if self._connection.is_paused else goals.feedback(), self._connection.now_ns()
+        )
 
     def fields(self) -> Mapping[str, Reading | None]:
         """Return the newest reading of each field, in the units of ROS."""
-        now_ns = self._connection.now_ns()
-        return {name: field.read(self._message(name), now_ns) for name, field in self._fields.items()}
+        return {name: read() for name, read in self._readers.items()}
 
     def command(self, name: str, values: Mapping[str, ScalarValue]) -> None:
         """Publish a command that was decided in this frame.
@@ -322,10 +368,14 @@ class Ros2Device(_Driver):
         command, output = self._commands[name], self._outputs[name]
         if command.kind is None and not command.is_twist:
             command.kind = self._connection.structure(command.type)
-        self._connection.decide(output, command.payload(values))
+        payload = command.payload(values)
+        goals = self._goals.get(name)
+        self._connection.decide(output, payload if goals is None else goals.payload(payload))
 
     def safe(self) -> None:
-        """Stop what has a stop. Never raises."""
+        """Stop what has a stop, and cancel the goals of actions. Never raises."""
+        for goals in self._goals.values():
+            goals.clear()
         self._stop()
 
 
@@ -363,6 +413,14 @@ class _Field:
             return None
         return Reading(self._value, max(0, now_ns - message.t_ns))
 
+    def read_state(self, state: str | None) -> Reading | None:
+        """Return the reading of the state of a goal."""
+        try:
+            return None if state is None else Reading(self._scalar(state) or 0.0, 0)
+        except UnusableError as problem:
+            self._incoming.refuse(problem)
+            return None
+
     def _read(self, values: Mapping[str, Any]) -> Value | tuple[ScalarValue | None, ...] | None:
         if self._scan is not None:
             return self._scan.read(values)
@@ -393,8 +451,9 @@ class _Command:
     """A command that a topic takes. Mutable: learns the definition of its message, whose type is `type`."""
 
     def __init__(self, topic: Mapping[str, Any]) -> None:
-        self.type: str = topic["type"]
+        self.type: str = topic["type"] + ("_Goal" if is_action(topic["type"]) else "")
         self.kind: Structure | None = None
+        self._frame: str = topic.get("frame", "")
         self._parameters: Mapping[str, str] = topic.get("parameters") or {}
         self._texts = {number: name for name, number in (topic.get("members") or {}).items()}
         self.is_twist = self.type in TWISTS
@@ -412,12 +471,8 @@ class _Command:
             return _TWIST.pack(*[float(axes.get(axis, 0.0)) for axis in AXES])
         if self.kind is None:
             raise ConnectionError(f"the definition of `{self.type}` is not known yet")
-        message: dict[str, Any] = {}
+        parts: dict[str, ScalarValue | str] = {}
         for name, value in values.items():
             path = self._parameters.get(name) or ("data" if len(values) == 1 else name)
-            *steps, last = path.split(".")
-            inner = message
-            for step in steps:
-                inner = inner.setdefault(step, {})
-            inner[last] = self._texts.get(float(value), "") if self._texts else value
-        return encode(self.kind, message)
+            parts[path] = self._texts.get(float(value), "") if self._texts else value
+        return encode(self.kind, completed(self.kind, parts, self._frame))

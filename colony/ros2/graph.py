@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from colony.ir.ros2_messages import is_action
+
 
 class End(NamedTuple):
     """A publisher of a topic, or a subscriber: its node, its type, and its quality of service."""
@@ -31,7 +33,7 @@ def heard_problems(found: Mapping[str, Any], type_: str, quality: str) -> Iterat
     name, publishers = found["name"], ends_of(found["publishers"])
     if found["error"]:
         yield f"{name}: {found['error']}"
-    elif not publishers:
+    elif not publishers and not is_action(type_):
         yield f"no node publishes {name}"
     for end in publishers:
         if end.type != type_:

@@ -13,10 +13,11 @@ from typing import Any
 
 from colony.ir.ros2_messages import STANDARD, STRING, TRANSFORMS
 from colony.ros2.cdr import MessageError, Structure, decode
-from colony.ros2.connection import BridgeError, HeardTopic, NodeSettings, Ros2Connection
+from colony.ros2.connection import BridgeError, NodeSettings, Ros2Connection
 from colony.ros2.graph import End, ends_of
 from colony.ros2.incoming import ArrivedMessage, Incoming, measured_ns
 from colony.ros2.scan import UnusableError
+from colony.ros2.topics import HeardTopic
 
 NAME = "colony_survey"
 """Name of the node that looks."""

@@ -11,7 +11,7 @@ from typing import Any
 
 from colony.body.devices import BaseSpec
 from colony.body.model import Body
-from colony.body.ros2 import DRIVE, Ros2Topic, is_scan
+from colony.body.ros2 import DRIVE, Ros2Topic, action_of, field_topic, is_scan, parameter_path
 from colony.ir.program import DEFAULT_FRAME_NS, Actuator, Robot, Sensor
 from colony.ir.types import BOOL, Enum, bearings_of, element_type
 from colony.runtime.assembly.processes.spec import HardwareDriver
@@ -32,7 +32,10 @@ def ros2_hardware(server: str, body: Body, interface: Robot | None) -> HardwareD
         actuators = {a.command: a for a in interface.actuators if a.server == server}
     is_base = isinstance(body.device(server), BaseSpec)
     topics: dict[str, dict[str, Any]] = {"in": {}, "out": {}}
-    for name, topic in body.servers[server].ros2.items():
+    given = dict(body.servers[server].ros2)
+    if action_of(given) is not None:  # fields without a topic are parts of its feedback
+        given |= {name: t for name in sensors if (t := field_topic(given, name)) is not None}
+    for name, topic in given.items():
         if name == DRIVE if is_base else name in actuators:
             topics["out"][name] = _command(topic, actuators.get(name))
         else:
@@ -66,7 +69,7 @@ def is_on_topics(driver: HardwareDriver) -> bool:
 def _field(topic: Ros2Topic, sensor: Sensor | None) -> dict[str, Any]:
     """Return the options of a field: its topic, and what the interface says of its values."""
     found: dict[str, Any] = {
-        "topic": topic.topic,
+        "topic": topic.name,
         "type": topic.type,
         "path": topic.path,
         "qos": topic.qos,
@@ -94,15 +97,17 @@ def _field(topic: Ros2Topic, sensor: Sensor | None) -> dict[str, Any]:
 def _command(topic: Ros2Topic, actuator: Actuator | None) -> dict[str, Any]:
     """Return the options of a command: its topic, and the parts of its message."""
     found: dict[str, Any] = {
-        "topic": topic.topic,
+        "topic": topic.name,
         "type": topic.type,
         "qos": topic.qos,
-        "frame": topic.frame,
+        "frame": topic.frame or ("map" if topic.action else ""),
         "alone": topic.alone,
         "timeout_ns": None if topic.timeout_s is None else round(topic.timeout_s * 1e9),
         "parameters": dict(topic.parameters),
         "names": [] if actuator is None else [field.name for field in actuator.fields],
     }
+    if topic.action and actuator is not None:
+        found["parameters"] = {f.name: parameter_path(topic, f.name) for f in actuator.fields}
     if topic.stop is not None:
         found["stop"] = topic.stop
     types = [] if actuator is None else [field.type for field in actuator.fields]

@@ -26,13 +26,13 @@ from colony.runtime.frames.assembler import frames_to_keep
 from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.kit.connection import Session
 from colony.runtime.kit.errors import RobotConnectionError, ServerNotFoundError
+from colony.runtime.kit.listener import hosting_listener
 from colony.runtime.library.leader import LEADER, RunProgram, run_keyframe, run_program
 from colony.runtime.observe.observer import Observer
 from colony.runtime.protocol.bindings import bind
 from colony.runtime.protocol.messages import Effect, Message
 from colony.runtime.recordings.json_text import read_keyframe
 from colony.runtime.recordings.replay import read_site
-from colony.runtime.transport.live.host import Host
 from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.watch.sources import LiveSource
 
@@ -204,11 +204,5 @@ def observing(robot_address: RobotAddress, observer: Observer) -> Iterator[None]
     Raises:
         LiveError: the robot cannot be joined.
     """
-    listener = Listener(observer)
-    with ExitStack() as resources:
-        host = resources.enter_context(Host.open(robot_address, (listener,), announces=False))
-        thread = threading.Thread(target=host.run, name="listener", daemon=True)
-        thread.start()
-        resources.callback(thread.join)
-        resources.callback(host.stop)
+    with hosting_listener(robot_address, Listener(observer)):
         yield

@@ -15,7 +15,7 @@ from colony.dsl.load import load_text
 from colony.ir.program import Robot
 from colony.ir.servers import ServerSpec
 from colony.runs.ros2_devices import ros2_hardware
-from tests.ros2.burger import BODY, INTERFACE
+from tests.ros2.burger import BODY, GOING, INTERFACE, NAV
 
 
 def loaded(interface: str = INTERFACE, body: str = BODY) -> tuple[Robot, Body]:
@@ -166,3 +166,85 @@ def test_drivers_get_their_topics_and_what_the_interface_says_of_them() -> None:
     assert topics["in"]["mode"]["members"] == {"manual": 0.0, "automatic": 1.0}
     assert topics["in"]["estop"]["bool"]
     assert topics["out"]["lamp"]["stop"] == "zero"
+
+
+# --- actions --------------------------------------------------------------------------------------
+
+
+def test_an_action_is_a_command_and_its_feedback_are_fields() -> None:
+    assert found(GOING, BODY + NAV) == []
+    robot, body = loaded(GOING, BODY + NAV)
+    (nav,) = [s for s in servers_of(body, robot) if s.name == "Nav"]
+    nav = in_ros_units(nav, body.servers["Nav"], robot)
+    assert {f.name: f.factor for f in nav.fields} == {
+        "status": 1.0,
+        "distance_remaining": 1000.0,
+        "tries": 1.0,
+    }
+    (goto,) = nav.commands
+    assert [(p.name, round(p.factor, 2)) for p in goto.parameters] == [
+        ("x", 1000),
+        ("y", 1000),
+        ("heading", 57.3),
+    ]
+    topics = json.loads(str(ros2_hardware("Nav", body, robot).options["topics"]))
+    assert topics["out"]["goto"]["topic"] == "navigate_to_pose"
+    assert topics["out"]["goto"]["frame"] == "map"
+    assert topics["out"]["goto"]["parameters"] == {
+        "x": "pose.pose.position.x",
+        "y": "pose.pose.position.y",
+        "heading": "pose.pose.orientation.heading",
+    }
+    paths = {name: topic["path"] for name, topic in topics["in"].items()}
+    assert paths == {
+        "status": "status",
+        "distance_remaining": "distance_remaining",
+        "tries": "number_of_recoveries",
+    }
+    assert topics["in"]["status"]["members"]["lost"] == 7.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "message"),
+    [
+        (
+            "ros2.goto.action",
+            'ros2.goto.topic = "t"\nros2.goto.action',
+            "B009",
+            "`goto` is both a topic and an action",
+        ),
+        ("ros2.goto.action ", "ros2.goto.topic ", "B009", "which is not that of a topic"),
+        ("nav2_msgs/action", "nav2_msgs/msg", "B009", "which is not that of an action"),
+        (
+            "[server.Nav]",
+            '[server.Nav]\nros2.other = { action = "b", type = "b/action/B" }',
+            "B009",
+            "`other` and `goto` are actions: a server has one",
+        ),
+        ("[server.Nav]\n", "", "B009", "a base has no actions"),
+    ],
+)
+def test_a_key_is_a_topic_or_an_action(old: str, new: str, code: str, message: str) -> None:
+    body = BODY + NAV.replace(old, new)
+    if not new:
+        bumper = NAV.partition("]\n")[2].replace("goto", "bumper")
+        body = BODY.replace("ros2.odom ", f"{bumper}ros2.odom ")
+    messages = found(GOING, body)
+    assert any(found_code == code and message in text for found_code, text in messages), messages
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "idle hold",
+            "idle goto(x = 0, y = 0, heading = 0)",
+            "`goto` is the goal of an action, and is idle without one",
+        ),
+        (", lost = 7", "", "`journey` is the state of a goal, and lacks `lost`"),
+        ("journey : goal", "journey : number", "`journey` is the state of a goal, and lacks `idle`, "),
+    ],
+)
+def test_a_goal_and_its_state_are_declared_as_such(old: str, new: str, message: str) -> None:
+    messages = found(GOING.replace(old, new), BODY + NAV)
+    assert any(code == "B009" and message in text for code, text in messages), messages

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from colony.body.ros2 import GOAL_STATES
+
 INTERFACE = """
 language 1
 
@@ -60,13 +62,16 @@ BEHAVIOR = """
 language 1
 import robot
 
-let is_clear = min(ranges[-30 deg .. 30 deg]) >= 0.6 m
+param clearance = 0.6 m
+tunable param reach = 0.5 m in 0.3 m .. 1 m
+
+let is_clear = min(ranges[-30 deg .. 30 deg]) >= clearance
 let is_on    = battery > 20 percent and mode == work.automatic
 
 module ahead { when is_on and is_clear  do drive(velocity = 0.2 m/s, turn = 0) }
 module avoid { when not is_clear        do drive(velocity = 0, turn = 1 rad/s) }
 module halt  { when estop               do drive(velocity = 0, turn = 0) }
-module shine { when x > 0.5 m           do lamp(level = 50 percent) }
+module shine { when x > reach           do lamp(level = 50 percent) }
 network {
   drive = halt suppresses (avoid suppresses ahead)
   lamp = shine
@@ -82,12 +87,52 @@ OTHERS = {
 """Topics of the foreign robot, besides scan and odometry."""
 
 
-def write(folder: Path, python: Path) -> Path:
+GOALS = f"enum goal {{ {', '.join(f'{state} = {i}' for i, state in enumerate(GOAL_STATES))} }}"
+GOING = INTERFACE.replace("enum work", f"{GOALS}\nenum work").replace(
+    "  actuator lamp",
+    "  sensor   journey : goal  from Nav.status\n"
+    "  sensor   left : mm       from Nav.distance_remaining  within 2 s\n"
+    "  sensor   tries : number  from Nav.tries               within 2 s\n"
+    "  actuator goto { x : m, y : m, heading : deg } to Nav.goto idle hold\n"
+    "  actuator lamp",
+)
+NAV = """
+[server.Nav]
+ros2.goto.action   = "navigate_to_pose"
+ros2.goto.type     = "nav2_msgs/action/NavigateToPose"
+ros2.goto.feedback = { tries = "number_of_recoveries" }
+"""
+"""The robot with Nav2 besides, and what its body adds."""
+
+WALKING = (
+    INTERFACE.replace("enum work", f"{GOALS}\nenum work").replace(
+        "  actuator lamp",
+        "  sensor   journey : goal  from Walk.status  within 1 s\n"
+        "  actuator walk { order : number } to Walk.walk idle hold\n"
+        "  actuator lamp",
+    ),
+    BODY + '\n[server.Walk]\nros2.walk = { action = "walk", type = "test_msgs/action/Fibonacci" }\n',
+    BEHAVIOR.replace(
+        "network {",
+        """state arrived = false
+next  arrived = arrived or journey == goal.succeeded
+module first  { when true                   do walk(order = 1) }
+module second { when arrived                do walk(order = 2) }
+module rest   { when mode == work.manual }
+network {
+  walk = rest inhibits (second suppresses first)""",
+    ),
+)
+"""The robot with an action besides, and a behavior with two goals for it."""
+
+
+def write(folder: Path, python: Path, *, walks: bool = False) -> Path:
     """Write the robot and the behavior into a folder, and return the path of the behavior."""
+    interface, body, behavior = WALKING if walks else (INTERFACE, BODY, BEHAVIOR)
     robot = folder / "robots" / "burger"
     robot.mkdir(parents=True)
-    (robot / "burger.colony").write_text(INTERFACE)
-    (robot / "burger.toml").write_text(BODY.replace("PYTHON", str(python)))
+    (robot / "burger.colony").write_text(interface)
+    (robot / "burger.toml").write_text(body.replace("PYTHON", str(python)))
     program = folder / "roam.colony"
-    program.write_text(BEHAVIOR)
+    program.write_text(behavior)
     return program

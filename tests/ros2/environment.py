@@ -17,12 +17,14 @@ JAZZY = (
     "ros-jazzy-rclpy==7.1.6",
     "ros-jazzy-rmw-fastrtps-cpp==8.4.3",
     *(f"ros-jazzy-{name}-msgs==5.3.6" for name in ("std", "sensor", "nav", "geometry", "diagnostic")),
+    "ros-jazzy-std-srvs==5.3.6",
     "ros-jazzy-test-msgs==2.0.3",
 )
 KILTED = (
     "ros-kilted-rclpy==9.1.2",
     "ros-kilted-rmw-fastrtps-cpp==9.3.3",
     *(f"ros-kilted-{name}-msgs==5.5.1" for name in ("std", "sensor", "nav", "geometry", "diagnostic")),
+    "ros-kilted-std-srvs==5.5.1",
     "ros-kilted-test-msgs==2.3.0",
 )
 RELEASES = {"jazzy": JAZZY, "kilted": KILTED}
@@ -31,26 +33,34 @@ COMMON = ("numpy", "pyyaml")
 MARK = "made"
 
 
-def _release() -> str:
+def release() -> str:
+    """Return the release of ROS 2 that is tested."""
     return os.environ.get("ROS2_RELEASE", "jazzy")
 
 
-def _packages() -> str:
-    return "\n".join((*RELEASES[_release()], *COMMON))
+def _packages() -> dict[str, str]:
+    """Return the packages by name, each as pip takes it."""
+    return {line.partition("==")[0]: line for line in (*RELEASES[release()], *COMMON)}
+
+
+def _installed(folder: Path) -> dict[str, str]:
+    """Return the packages that were installed into a folder."""
+    mark = folder / MARK
+    lines = mark.read_text().split() if mark.is_file() else []
+    return {line.partition("==")[0]: line for line in lines}
 
 
 def folder() -> Path:
     """Return the folder of the environment; tests set XDG_CACHE_HOME to one of their own."""
     cache = os.environ.get("COLONY_TEST_CACHE") or Path.home() / ".cache"
     python = f"{sys.version_info.major}.{sys.version_info.minor}"
-    return Path(cache) / "colony-ros2" / f"{_release()}-{python}"
+    return Path(cache) / "colony-ros2" / f"{release()}-{python}"
 
 
 def existing() -> Path | None:
     """Return the Python of the environment, or None if it was not made."""
     found = folder()
-    is_made = (found / MARK).is_file() and (found / MARK).read_text() == _packages()
-    return found / "bin" / "python" if is_made else None
+    return found / "bin" / "python" if _packages().items() <= _installed(found).items() else None
 
 
 def make() -> Path:
@@ -66,11 +76,13 @@ def make() -> Path:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if (python := existing()) is not None:
             return python
-        shutil.rmtree(found, ignore_errors=True)
-        subprocess.run([sys.executable, "-m", "venv", found], check=True)
+        installed = _installed(found)  # what is missing is added: others may use the environment now
+        if not installed:
+            shutil.rmtree(found, ignore_errors=True)
+            subprocess.run([sys.executable, "-m", "venv", found], check=True)
         pip = [found / "bin" / "python", "-m", "pip", "--disable-pip-version-check", "install", "-qq"]
-        subprocess.run([*pip, *_packages().split()], check=True)
-        (found / MARK).write_text(_packages())
+        subprocess.run([*pip, *_packages().values()], check=True)
+        (found / MARK).write_text("\n".join({**installed, **_packages()}.values()))
         return found / "bin" / "python"
 
 

@@ -42,7 +42,8 @@ DEFAULTS = {
     "clock": None,  # rate of a simulated clock, 0 for one that stands still
     "near": False,  # something is 0.3 m away all around
     "others": {},  # topics that it publishes: [type, values, quality]
-    "hears": {},  # topics that it hears besides: type
+    "hears": {},  # topics that it hears besides: type, or type and quality
+    "call": None,  # a service that it calls once: name, type, request
 }
 
 
@@ -59,6 +60,7 @@ class Robot:
         self.heard_s = 0.0
         self.sim_s = 1000.0
         self.others: dict = {}
+        self.clients: dict = {}
         self.second = None
         self.scans = self.node.create_publisher(LaserScan, "scan", qos_profile_sensor_data)
         self.odoms = self.node.create_publisher(Odometry, "odom", 10)
@@ -97,12 +99,31 @@ class Robot:
                 class_ = message_class(type_)
                 self.others[topic] = class_, self.node.create_publisher(class_, topic, profile(quality))
 
-        for topic, type_ in self.settings["hears"].items():
+        for topic, expected in self.settings["hears"].items():
             if topic not in self.others:
+                type_, quality = (expected, "reliable") if isinstance(expected, str) else expected
                 class_ = message_class(type_)
                 heard = partial(self.hear_other, topic)
                 self.others[topic] = class_, None
-                self.node.create_subscription(class_, topic, heard, 10)
+                self.node.create_subscription(class_, topic, heard, profile(quality, depth=10))
+        if self.settings["call"] is not None:
+            self.call(*self.settings["call"])
+            self.settings["call"] = None
+
+    def call(self, service: str, type_: str, values: dict) -> None:
+        """Call a service once it is there; the answer is heard under its name."""
+        class_ = message_class(type_)
+        client = self.clients.setdefault(service, self.node.create_client(class_, service))
+        request = class_.Request()
+        fill(request, values)
+
+        def send() -> None:
+            if client.service_is_ready():
+                timer.cancel()
+                future = client.call_async(request)
+                future.add_done_callback(lambda done: self.hear_other(service, done.result()))
+
+        timer = self.node.create_timer(0.1, send)
 
     def hear_other(self, topic: str, message) -> None:
         print(json.dumps({"topic": topic, "data": as_dict(message)}, default=repr), flush=True)
@@ -206,21 +227,26 @@ class Robot:
 
 
 def message_class(type_: str):
-    package, _, name = type_.split("/")
-    return getattr(importlib.import_module(f"{package}.msg"), name)
+    package, kind, name = type_.split("/")
+    return getattr(importlib.import_module(f"{package}.{kind}"), name)
 
 
 def as_dict(message) -> dict:
     fields = message.get_fields_and_field_types()
     values = {name: getattr(message, name) for name in fields}
-    is_message = "get_fields_and_field_types"
-    return {n: as_dict(v) if hasattr(v, is_message) else v for n, v in values.items()}
+    return {name: plain(value) for name, value in values.items()}
 
 
-def profile(quality: str) -> QoSProfile:
+def plain(value):
+    if isinstance(value, list):
+        return [plain(each) for each in value]
+    return as_dict(value) if hasattr(value, "get_fields_and_field_types") else value
+
+
+def profile(quality: str, depth: int = 1) -> QoSProfile:
     best, latched = quality == "best_effort", quality == "latched"
     return QoSProfile(
-        depth=1,
+        depth=depth,
         reliability=ReliabilityPolicy.BEST_EFFORT if best else ReliabilityPolicy.RELIABLE,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )
@@ -230,8 +256,19 @@ def fill(message, values: dict) -> None:
     for name, value in values.items():
         if isinstance(value, dict):
             fill(getattr(message, name), value)
+        elif isinstance(value, list):
+            setattr(message, name, [made(each) for each in value])
         else:
             setattr(message, name, value)
+
+
+def made(value):
+    """Return an element of a sequence: a message is its type and its values."""
+    if not isinstance(value, list):
+        return value
+    message = message_class(value[0])()
+    fill(message, value[1])
+    return message
 
 
 if __name__ == "__main__":

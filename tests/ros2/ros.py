@@ -72,6 +72,13 @@ class Ros:
         until(lambda: robot.is_ready, "the foreign robot is ready", patience_s=60.0)
         return robot
 
+    def walker(self, **settings: Any) -> Walker:
+        """Return an action server that has started."""
+        command = [self.python, ROOT / "tests" / "ros2" / "walker.py", json.dumps(settings)]
+        walker = Walker(self._process(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE))
+        until(lambda: walker.said("ready"), "the action server is ready", patience_s=60.0)
+        return walker
+
     def node(self, **settings: Any) -> str:
         """Return the settings of a node, as drivers get them."""
         return json.dumps({"name": "colony", "python": str(self.python), **settings})
@@ -87,10 +94,37 @@ class Ros:
         topics = json.dumps({"in": {"odom": ODOM}, "out": {"drive": {**DRIVE, "alone": alone}}})
         return self._process([sys.executable, "-c", DRIVER, self.node(), topics], cwd=ROOT)
 
+    def walker_process(self) -> subprocess.Popen[bytes]:
+        """Start a process that decides the goal 5 of the walker."""
+        return self._process([sys.executable, "-c", WALKER, self.node(), json.dumps(WALKING)], cwd=ROOT)
+
     def close(self) -> None:
         """End all processes."""
         self._stack.close()
 
+
+WALK = {"topic": "walk", "type": "test_msgs/action/Fibonacci"}
+STATES = ("idle", "sent", "executing", "succeeded", "canceled", "aborted", "rejected", "lost")
+WALKING: dict[str, Any] = {
+    "in": {
+        "state": {**WALK, "path": "status", "members": {name: float(i) for i, name in enumerate(STATES)}},
+        "order": {**WALK, "path": "sequence[0]"},
+        "step": {**WALK, "path": "sequence[1]"},
+    },
+    "out": {"walk": {**WALK, "parameters": {"order": "order"}}},
+}
+"""The topics of a server whose command is the action of the walker."""
+
+WALKER = """
+import sys, time
+from contextlib import suppress
+from colony.ros2.drivers import Ros2Device
+device = Ros2Device(*sys.argv[1:])
+while True:
+    time.sleep(0.05)
+    with suppress(ConnectionError):
+        device.command("walk", {"order": 5.0})
+"""
 
 DRIVER = """
 import sys, time
@@ -150,6 +184,35 @@ class Foreign:
         """Return True if the last ten twists were zero, and none came for a while."""
         last = self.heard[-10:]
         return len(last) == 10 and not any(r["v"] or r["w"] for r in last) and _age_s(last[-1]) > 0.5
+
+
+class Walker:
+    """An action server. Mutable: the rows that it has written."""
+
+    def __init__(self, process: subprocess.Popen[bytes]) -> None:
+        self.process = process
+        self.rows: list[dict[str, Any]] = []
+        threading.Thread(target=self._read, daemon=True).start()
+
+    def _read(self) -> None:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.rows.append(json.loads(line))
+
+    def set(self, **settings: Any) -> None:
+        """Change its settings."""
+        assert self.process.stdin is not None
+        self.process.stdin.write(json.dumps(settings).encode() + b"\n")
+        self.process.stdin.flush()
+
+    def said(self, key: str) -> list[Any]:
+        """Return what it has written under a key: `asked`, `began` or `ended`."""
+        return [row[key] for row in list(self.rows) if key in row]
+
+    def end(self, order: int) -> str | None:
+        """Return how the last goal of this order ended, if it did."""
+        states = [row["state"] for row in list(self.rows) if row.get("ended") == order]
+        return states[-1] if states else None
 
 
 def freeze(pid: int) -> None:

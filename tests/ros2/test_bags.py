@@ -10,7 +10,8 @@ import pytest
 
 from colony.ros2.bags import BEGIN_NS, CLOCK_TYPE, Bag, BagConnection, BagError, resolved
 from colony.ros2.cdr import Definition
-from colony.ros2.connection import HeardTopic, NodeSettings
+from colony.ros2.connection import NodeSettings
+from colony.ros2.topics import HeardTopic
 from tests.ros2.bag import START_NS, TWIST, TWIST_STAMPED, Written, odom, scan, stamp, twist, write
 
 pytest.importorskip("rosbags")

@@ -16,7 +16,8 @@ import pytest
 
 from colony.ir.ros2_messages import STANDARD
 from colony.ros2.cdr import decode, encode, structure
-from colony.ros2.connection import CommandedTopic, NodeSettings, Ros2Connection
+from colony.ros2.connection import NodeSettings, Ros2Connection
+from colony.ros2.topics import CommandedTopic
 from tests.cli.machine import children_of
 from tests.ros2.ros import freeze
 from tests.waiting import until
@@ -90,7 +91,7 @@ class Robot:
     @property
     def bridge(self) -> int:
         """The process id of the bridge."""
-        (found,) = [pid for pid in children_of(os.getpid()) if b"bridge.py" in _command(pid)]
+        (found,) = [pid for pid in children_of(os.getpid()) if b"ros2/bridge" in _command(pid)]
         return found
 
     def close(self) -> None:

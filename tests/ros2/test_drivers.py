@@ -11,11 +11,12 @@ from typing import Any
 
 import pytest
 
-from colony.ir.ros2_messages import STANDARD
+from colony.ir.ros2_messages import STANDARD, is_action
 from colony.ros2.cdr import decode, encode, structure
-from colony.ros2.connection import CommandedTopic, HeardTopic, NodeSettings
+from colony.ros2.connection import NodeSettings
 from colony.ros2.drivers import Ros2Base, Ros2Device
 from colony.ros2.incoming import ArrivedMessage, Incoming
+from colony.ros2.topics import CommandedAction, CommandedTopic, GoalState, HeardTopic
 
 NODE = json.dumps({"name": "colony"})
 BOOL, STRING = "std_msgs/msg/Bool", "std_msgs/msg/String"
@@ -38,9 +39,10 @@ class Stage:
         self.decided: dict[str, bytes] = {}
         self.stopped: list[str] = []
         self.at_ns: int | None = None
+        self.actions: list[CommandedAction] = []
 
     def hear(self, topic: str, type_: str, *, quality: str = "", frame: str = "") -> HeardTopic:
-        found = HeardTopic(Incoming(topic, structure(type_, STANDARD), frame), type_, quality)
+        found = HeardTopic(Incoming(topic, self.structure(type_), frame), type_, quality)
         self.inputs[topic] = found
         return found
 
@@ -48,10 +50,12 @@ class Stage:
         return time.monotonic_ns() if self.at_ns is None else self.at_ns
 
     def command(self, output: CommandedTopic) -> CommandedTopic:
+        if isinstance(output, CommandedAction):
+            self.actions.append(output)
         return output
 
     def structure(self, type_: str) -> Any:
-        return structure(type_, STANDARD)
+        return structure(BOOL if is_action(type_) else type_, STANDARD)
 
     def decide(self, output: CommandedTopic, payload: bytes) -> None:
         self.decided[output.topic] = payload
@@ -256,6 +260,37 @@ def test_a_command_of_a_device_may_be_a_twist() -> None:
         driver.command("c", {"down": 1.0})
     driver.safe()
     assert stage.stopped == ["t"]
+
+
+GOTO = {"topic": "go", "type": "a/action/Go", "parameters": {"on": "data"}}
+GOAL = {**GOTO, "members": {"idle": 0.0, "sent": 1.0, "executing": 2.0}}
+
+
+def test_an_action_is_a_command_with_the_state_of_its_goal_and_feedback() -> None:
+    stage = Stage()
+    fields = {"state": {**GOAL, "path": "status"}, "flag": {**GOTO, "path": "data", "bool": True}}
+    driver = device(stage, fields, {"go": GOTO})
+    assert driver.fields() == {"state": None, "flag": None}
+    (action,) = stage.actions
+    action.note(GoalState(0, "idle"))
+    driver.command("go", {"on": True})
+    driver.command("go", {"on": True})
+    assert stage.decided["go"] == (1).to_bytes(4, "little") + encode(
+        structure(BOOL, STANDARD), {"data": True}
+    )
+    action.note(GoalState(1, "executing"))
+    stage.arrive("go", {"data": True})
+    found = {name: None if reading is None else reading.value for name, reading in driver.fields().items()}
+    assert found == {"state": 2.0, "flag": True}
+    action.note(GoalState(1, "lost"))
+    assert driver.fields()["state"] is None
+    assert driver.problem == 'go: "lost" is no member of the enum'
+    driver.safe()
+    assert stage.stopped == ["go"]
+    state = driver.fields()["state"]
+    assert state is not None
+    assert state.value == 0.0
+    assert driver.fields()["flag"] is None
 
 
 def test_a_bridge_is_started_in_the_environment_of_the_robot() -> None:

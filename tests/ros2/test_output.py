@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from colony.ros2.bridge import GHOST_NS, SETTLED_NS, STOP_PAUSE_NS, OutputTopic
+from colony.ros2.bridge.topics import GHOST_NS, SETTLED_NS, STOP_PAUSE_NS, OutputTopic
 
 TWIST = "geometry_msgs/msg/Twist"
 AHEAD = b"a" * 48

@@ -7,6 +7,7 @@ import signal
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -27,15 +28,17 @@ STOPPED_NS = 300_000_000
 class Served:
     """The foreign robot, served, and driven by a program. Mutable: its processes."""
 
-    def __init__(self, ros: Ros, folder: Path) -> None:
+    def __init__(self, ros: Ros, folder: Path, *options: str, walks: bool = False) -> None:
         self.machine = Machine(folder)
-        program = burger.write(folder, ros.python)
+        program = burger.write(folder, ros.python, walks=walks)
         self.robot: Foreign = ros.foreign(others=burger.OTHERS, hears={"lamp": "std_msgs/msg/Float64"})
         named = f"burger={folder / 'robots' / 'burger' / 'burger.colony'}"
         self.recording = str(folder / "run.mcap")
         self.supervisor = self.machine.start("serve", "all", "--robot", named, "--hardware")
         until(lambda: failed(self.supervisor) or "RServer" in self._running(), "it is served")
-        self.leader = self.machine.start("drive", str(program), "--robot", named, "--record", self.recording)
+        self.leader = self.machine.start(
+            "drive", str(program), "--robot", named, "--record", self.recording, *options
+        )
 
     def _running(self) -> dict[str, int]:
         return dict(RunDirectory.find(self.machine.environment).robot("burger").running())
@@ -103,3 +106,27 @@ def test_a_second_publisher_is_named_by_the_supervisor(served: Served) -> None:
     assert "publishes /cmd_vel as well" in served.machine.run("ps", "--robot", "burger").out
     served.robot.set(second=None)
     until(lambda: "RServer works again" in served.supervisor.err, "it is alone again")
+
+
+def test_the_goals_of_a_behavior_follow_each_other_and_end_with_it(ros: Ros, tmp_path: Path) -> None:
+    walker, stage = ros.walker(steps=20), Served(ros, tmp_path, walks=True)
+    with closing(stage.machine):
+        until(lambda: walker.end(1) == "succeeded", "the first goal", patience_s=60.0)
+        walker.set(steps=100_000)
+        until(lambda: 2 in walker.said("began"), "the second goal", patience_s=30.0)
+        manual = ["std_msgs/msg/String", {"data": "manual"}, "reliable"]
+        stage.robot.set(others={**burger.OTHERS, "mode": manual})
+        until(lambda: walker.end(2) == "canceled", "an inhibited goal is canceled")
+        stage.robot.set(others=burger.OTHERS)
+        until(
+            lambda: walker.said("began")[-1] == 2 and len(walker.said("ended")) < len(walker.said("began")),
+            "again",
+        )
+        stop = partial(stage.machine.run, "stop", "--robot", "burger")
+        until(lambda: stop().wait() == 0, "the server has agreed in time")
+        until(lambda: len(walker.said("ended")) == len(walker.said("began")), "a stop cancels it")
+        assert stage.machine.run("stop", "--robot", "burger", "--release").wait() == 0
+        until(lambda: len(walker.said("ended")) < len(walker.said("began")), "it goes on")
+        stage.leader.interrupt()
+        until(lambda: len(walker.said("ended")) == len(walker.said("began")), "the end of the program, too")
+        assert contracts_held(stage.leader.out), stage.leader.out

@@ -181,15 +181,15 @@ def _bearings_text(bearings: Bearings) -> str:
 def _device(body: Body, name: str, of: str = "") -> str:
     """Return the devices of a server, and the topic of a field or of a command."""
     from colony.body.devices import DEVICES
-    from colony.body.ros2 import ODOM
+    from colony.body.ros2 import ODOM, field_topic
 
     server = body.servers.get(name)
     if server is None:
         return ""
     simulated = [word for word, type_ in DEVICES if isinstance(server.simulated, type_)]
     real = [server.hardware.driver] if server.hardware else []
-    topic = server.ros2.get(of) or server.ros2.get(ODOM)
-    topics = [] if topic is None else [topic.topic]
+    topic = field_topic(server.ros2, of) or server.ros2.get(ODOM)
+    topics = [] if topic is None else [topic.name]
     return ", ".join([*simulated, *real, *topics])
 
 

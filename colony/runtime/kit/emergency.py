@@ -33,6 +33,12 @@ A congested link may drop the first one. Servers recognize a repeated stop.
 ACKNOWLEDGE_TIMEOUT_S = 2.0
 """Seconds to wait for acknowledgements."""
 
+INSIST_S = 10.0
+"""Seconds for which a stop is sent again and again to servers that have not answered.
+
+They may be frozen, or be started again just now, and would drive on afterwards.
+"""
+
 SERVERS = (CLOCK, *emergency.ACTUATOR_SERVERS)
 """The servers of every robot that accept an emergency stop."""
 
@@ -111,6 +117,13 @@ class StopButton:
         finally:
             for server, pending in pending_calls.items():
                 self._channels[server].forget(pending)
+
+    def insist(self, pressed: StopReport) -> StopReport:
+        """Press again while servers have not answered, for at most `INSIST_S`; return the last report."""
+        until = time.monotonic() + INSIST_S
+        while pressed.unanswered and time.monotonic() < until:
+            pressed = self.press()
+        return pressed
 
     def _collect(
         self,

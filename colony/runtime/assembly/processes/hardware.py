@@ -12,7 +12,7 @@ import reprlib
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterable, Set
+from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from colony.runtime.servers.drivers import (
     problems_of,
     unreached_of,
 )
+from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.text.wording import did_you_mean, listed
 
 DEVICE_METHODS = ("fields", "command", "safe", "close")
@@ -41,8 +42,10 @@ MAX_MAGNITUDE = 1e9
 _MEASURED = tuple(field.name for field in fields(BaseState) if field.name != "t_ns")
 
 
-def load_driver(hardware: HardwareDriver) -> Any:
+def load_driver(hardware: HardwareDriver, robot_address: RobotAddress | None = None) -> Any:
     """Import the class of a driver, and make the driver.
+
+    A driver with a parameter `frame_ns` or `robot_address` that the body does not give is given these.
 
     Raises:
         DriverError: it cannot be imported, or made.
@@ -60,18 +63,19 @@ def load_driver(hardware: HardwareDriver) -> Any:
         raise _error(hardware, "cannot be imported", why, is_final=True)
     try:
         listen = {"listen": True} if hardware.listens else {}
-        return make(**_frame(make, hardware), **listen, **hardware.options)
+        known = {"frame_ns": hardware.frame_ns, "robot_address": robot_address}
+        return make(**{**_asked(make, known), **listen, **hardware.options})
     except (Exception, SystemExit) as problem:
         raise _error(hardware, "cannot be made", _why(problem, hardware), is_final=False) from None
 
 
-def _frame(make: Callable[..., Any], hardware: HardwareDriver) -> dict[str, int]:
-    """Return the length of a frame, for a driver with a parameter `frame_ns` that the body does not give."""
+def _asked(make: Callable[..., Any], given: Mapping[str, object]) -> dict[str, object]:
+    """Return what a driver has a parameter for."""
     try:
-        is_asked = "frame_ns" in inspect.signature(make).parameters
+        parameters = inspect.signature(make).parameters
     except (TypeError, ValueError):  # of something without a signature
-        is_asked = False
-    return {"frame_ns": hardware.frame_ns} if is_asked and "frame_ns" not in hardware.options else {}
+        return {}
+    return {name: value for name, value in given.items() if name in parameters}
 
 
 def device_driver(driver: Any, hardware: HardwareDriver, commands: Iterable[str] = ()) -> DeviceDriver:

@@ -102,7 +102,7 @@ def _device_server(
         raise ValueError("a server of a device runs on the robot's own machine")
     robot, origin_ns = robot_address.robot, robot_address.directory.origin_ns()
     if isinstance(part.device, HardwareDriver):
-        return _hardware_server(part, part.device, origin_ns, resources, report)
+        return _hardware_server(part, part.device, robot_address, resources, report)
     if devices is None:
         raise ValueError("a server of a simulated device runs with the drivers of the simulator")
     match part:
@@ -127,7 +127,7 @@ def _device_server(
 
 
 def _hardware_server(
-    part: DevicesPart, hardware: HardwareDriver, origin_ns: int, resources: ExitStack, report: Report
+    part: DevicesPart, hardware: HardwareDriver, robot_address: Local, resources: ExitStack, report: Report
 ) -> Node:
     """Return the server of a real device.
 
@@ -143,11 +143,12 @@ def _hardware_server(
     )
     from colony.runtime.kit.listening import BaseReader, listening_server
 
-    driver = load_driver(hardware)
+    driver = load_driver(hardware, robot_address)
     match part:
         case RServerPart(limits=limits):
             from colony.runtime.servers.rserver import RServer
 
+            origin_ns = robot_address.directory.origin_ns()
             base = HardwareBase(driver, limits, hardware, origin_ns=origin_ns, report=report)
             resources.callback(base.close)
             if hardware.listens:

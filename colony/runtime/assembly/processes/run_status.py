@@ -71,6 +71,9 @@ class RunStatusTracker:
         self._disagreements = 0
         self._pids: Callable[[], Mapping[str, int]] = dict
         self._faults: tuple[str, ...] = ()
+        self._broken: Counter[str] = Counter()
+        site = None if compiled is None else compiled.site
+        self._site = () if site is None else site.values
 
     def set_pids(self, pids: Callable[[], Mapping[str, int]]) -> None:
         """Set the function that returns the run's live processes; it may be called in any thread."""
@@ -86,6 +89,7 @@ class RunStatusTracker:
             self._keyframe = RunKeyframe(k=log.tick.k, text=text)
         self._restarts += log.restart
         self._disagreements += bool(log.disagreements)
+        self._broken.update(log.breaches or ())
         for actuator, verdict in log.verdicts.items():
             self._commanded_by[actuator] = verdict.by
             bounds = client_address(actuator, BOUNDS)
@@ -157,6 +161,8 @@ class RunStatusTracker:
             processes=dict(self._pids()),
             params=self._params,
             faults=self._faults,
+            broken=dict(self._broken),
+            site=dict(self._site),
             still=self._still(),
             clients=tuple(
                 ClientStanding(

@@ -19,6 +19,7 @@ from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame, FrameEvent, Outcome
 from colony.ir.program import Program, PythonModule, Use, Wire
 from colony.ir.servers import CommandSpec, FieldSpec, ParameterSpec, ServerSpec
+from colony.ir.site import Site
 from colony.ir.types import BOOL, DISTANCE, Array, Enum
 from colony.runtime.assembly.processes.jobs import (
     Layout,
@@ -332,12 +333,17 @@ def test_the_leader_knows_the_sensors_at_fault_and_the_variables_that_the_progra
         "module go { when all(on) do drive(velocity = goal / 1 s) }\nnetwork { drive = go }\n"
     )
     source = SourceFile(kind="behavior", path="b.colony", data=b"")
-    compiled = replace(compile_program(of).compiled, sources=(source,))
+    site = Site(file="lab.toml", values=(("clearance", "0.7 m"),))
+    compiled = replace(compile_program(of).compiled, sources=(source,), site=site)
     tracker = RunStatusTracker(deployed(of), file="f.colony", compiled=compiled)
+    assert tracker.status().site == {"clearance": "0.7 m"}
     fault = FrameEvent("sensor fault", "goal")
     for records, faults in (((fault, FrameEvent("limited", "drive.velocity")), ("goal",)), ((), ())):
         tracker.take(replace(log(1), expected=Outcome((), records)))
         assert tracker.status().faults == faults
+    for breaches in (("clear",), (), ("clear", "slow")):
+        tracker.take(replace(log(1), breaches=breaches))
+    assert tracker.status().broken == {"clear": 2, "slow": 1}
     goal, on = tracker.program().reads
     assert (goal.variable, goal.expected, on.variable, on.expected) == (
         *("Goal", "a number"),

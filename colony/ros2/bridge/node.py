@@ -5,28 +5,29 @@ one end of a socket pair (SOCK_SEQPACKET) as the file descriptor `sys.argv[1]`. 
 that neither side needs the other's packages.
 
 The bridge is the last process above the base, and therefore the dead-man switch. A commanded topic without a
-freshly decided command for its timeout gets its stop message ten times, 20 ms apart, and then nothing. The
-same happens when colony ends for any reason. The thread of the pipe does this, publishes, and never waits for
-a callback of ROS.
+freshly decided command for its timeout gets its stop message ten times, 20 ms apart, and then nothing; a goal
+of an action is canceled. The same happens when colony ends for any reason. The thread of the pipe does this,
+publishes, and never waits for a callback of ROS.
 
 Packets to the bridge, by their first byte:
     c  settings in JSON: the first packet has the node; later ones add topics
     d  a decided command: channel, time of the decision (CLOCK_MONOTONIC in ns), payload
     s  a stop: channel, number. It is published at once, and answered
     p  a question whether the bridge is alive: number
+    i  in JSON, for the rest of ROS: the state of the robot, or the answer to a call of a service
 
 Packets from the bridge:
     m  a message: channel, time of arrival (CLOCK_MONOTONIC in ns), ROS time then (ns), CDR
     a  the answer: number, then the reason why the stop was not published; empty if it was
     j  a report in JSON: the ends of its topics; in a survey, also those of each topic of the graph
 
-The payload of a twist is its six doubles: the bridge makes the type of them that the subscribers expect.
+The payload of a twist is its six doubles: the bridge makes the type of them that the subscribers expect. The
+payload of an action is the number of the goal, which is another one whenever the goal is, and its message.
 """
 
 from __future__ import annotations
 
 import errno
-import importlib
 import json
 import os
 import select
@@ -38,241 +39,36 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
-STOPS = 10
-STOP_PAUSE_NS = 20_000_000
+from colony.ros2.bridge.actions import OutputAction
+from colony.ros2.bridge.introspection import Introspection
+from colony.ros2.bridge.topics import (
+    BEST_EFFORT,
+    MAX_LISTED,
+    SETTLED_NS,
+    STOP_PAUSE_NS,
+    TWISTS,
+    OutputTopic,
+    definitions,
+    describe,
+    interface,
+    profile,
+)
+
 LOOK_S = 1.0
 EARLY_LOOK_S = 0.1
 EARLY_LOOKS = 30
-SETTLED_NS = 1_000_000_000
+CANCEL_S = 0.4  # for the goals of actions to be canceled at the end
 FLUSH_S = 0.05
 FAREWELL_S = 0.5
-GHOST_NS = 30_000_000_000
-MAX_LISTED = 50  # publishers or subscribers of a topic in a report, which has to fit into a packet
 MAX_BYTES = 1 << 20
-HISTORY_DEPTH = 100  # messages of one topic that several nodes keep, such as /tf_static
 
 DECIDED = struct.Struct("<cHq")
 STOP = struct.Struct("<cHI")
 MESSAGE = struct.Struct("<cHqq")
 ANSWER = struct.Struct("<cI")
-CDR = b"\x00\x01\x00\x00"
-
-TWIST = "geometry_msgs/msg/Twist"
-TWIST_STAMPED = "geometry_msgs/msg/TwistStamped"
-TWISTS = (TWIST, TWIST_STAMPED)
-BEST_EFFORT, LATCHED, HISTORY = "best_effort", "latched", "history"
-
-
-def interface(name: str) -> Any:
-    """Return the class of a message, such as `sensor_msgs/msg/LaserScan`."""
-    package, kind, class_name = name.split("/")
-    try:
-        return getattr(importlib.import_module(package + "." + kind), class_name)
-    except (ImportError, AttributeError):
-        raise ValueError(f"this ROS environment has no type `{name}`") from None
-
-
-def definitions(name: str, found: dict[str, Any]) -> dict[str, Any]:
-    """Add the fields and types of a message, and of those that it is made of, to `found`."""
-    if name not in found:
-        fields = interface(name).get_fields_and_field_types()
-        found[name] = list(fields.items())
-        for kind in fields.values():
-            kind = kind[len("sequence<") :].rstrip(">") if kind.startswith("sequence<") else kind
-            kind = kind.split(",")[0].split("[")[0]
-            if "/" in kind:
-                package, class_name = kind.split("/")
-                definitions(f"{package}/msg/{class_name}", found)
-    return found
-
-
-def profile(quality: str) -> Any:
-    """Return the quality of service of a topic; its depth is 1 but for a history."""
-    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-
-    best, latched = quality == BEST_EFFORT, quality in (LATCHED, HISTORY)
-    return QoSProfile(
-        depth=HISTORY_DEPTH if quality == HISTORY else 1,
-        reliability=ReliabilityPolicy.BEST_EFFORT if best else ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
-    )
-
-
-class OutputTopic:
-    """A topic that colony commands.
-
-    The thread of the pipe publishes; the executor's thread creates the publisher and replaces it.
-    """
-
-    def __init__(self, settings: dict[str, Any]) -> None:
-        self.topic: str = settings["topic"]
-        self.wanted: str = settings["type"]
-        self.quality: str = settings.get("qos", "reliable")
-        self.frame: str = settings.get("frame", "")
-        self.is_alone: bool = settings.get("alone", False)
-        self.timeout_ns = int(1e6 * settings["timeout_ms"])
-        self.is_stopped: bool = settings["stop"]
-        self.stop = b"\0" * 48
-        self.node: Any = None
-        self.active: tuple[Any, str] | None = None  # the publisher and its type
-        self.error = f"{self.topic} is being discovered"
-        self.decided_ns: int | None = None
-        self.stops_left = 0
-        self.next_stop_ns = 0
-        self.older: set[bytes] = set()  # the publishers of this node's name that were there before its own
-
-    # --- the executor's thread ----------------------------------------------------------------------
-
-    def look(self, node: Any, age_ns: int) -> dict[str, Any]:
-        """Create the publisher, or one of another type; return what the graph shows of the topic."""
-        name = node.resolve_topic_name(self.topic)
-        own = (node.get_name(), node.get_namespace())
-        publishers = describe(self.others(node.get_publishers_info_by_topic(name), own, age_ns))
-        subscribers = describe(node.get_subscriptions_info_by_topic(name))
-        try:
-            expected = [each[2] for each in subscribers]
-            self.choose(node, name, publishers, expected, age_ns >= SETTLED_NS)
-        except Exception as problem:
-            self.error = f"{name}: {problem}"
-        active = self.active
-        return {
-            "name": name,
-            "type": active[1] if active else "",
-            "publishers": publishers[:MAX_LISTED],
-            "subscribers": subscribers[:MAX_LISTED],
-            "error": self.error,
-        }
-
-    def others(self, infos: Iterable[Any], own: tuple[str, str], age_ns: int) -> list[Any]:
-        """Return the publishers that are not this one, nor that of a bridge that was killed.
-
-        The graph keeps the latter for a while. It has the name of this node, and was there before.
-        """
-        infos = list(infos)
-        same = [gid_of(info) for info in infos if (info.node_name, info.node_namespace) == own]
-        if self.active is None:
-            self.older.update(same)
-        ours = {gid for gid in same if gid in self.older and age_ns < GHOST_NS}
-        ours.update([gid for gid in same if gid not in self.older][:1])
-        return [info for info in infos if gid_of(info) not in ours]
-
-    def choose(
-        self, node: Any, name: str, publishers: list[Any], expected: list[str], is_settled: bool
-    ) -> None:
-        """Create the publisher once it may be, with the type that the subscribers expect."""
-        kind = self.active[1] if self.active else None
-        if kind is None and self.is_alone:
-            if not is_settled:
-                self.error = f"{name} is being discovered"
-                return
-            if publishers:
-                self.error = f"{shown(publishers[0])} publishes {name} already"
-                return
-        wanted: str | None
-        if self.wanted != "auto":
-            wanted = self.wanted
-        elif kind in expected:
-            wanted = kind
-        else:
-            wanted = next((each for each in TWISTS if each in expected), kind)
-        if wanted is None:
-            self.error = f"no node subscribes to {name}"
-            return
-        if wanted != kind:
-            if self.active is not None:  # a participant cannot have both types of a topic
-                old, self.active = self.active[0], None
-                node.destroy_publisher(old)
-            class_ = interface(wanted)
-            if wanted not in TWISTS:
-                from rclpy.serialization import serialize_message
-
-                self.stop = serialize_message(class_())
-            publisher = node.create_publisher(class_, self.topic, profile(self.quality))
-            self.node, self.active = node, (publisher, wanted)
-        self.error = ""
-
-    # --- the thread of the pipe ---------------------------------------------------------------------
-
-    def publish(self, payload: bytes) -> str:
-        """Publish a payload; return the reason why it was not, or an empty text."""
-        active = self.active
-        if active is None:
-            return self.error or f"{self.topic} is being discovered"
-        publisher, kind = active
-        try:
-            if kind == TWIST:
-                payload = CDR + payload
-            elif kind == TWIST_STAMPED:
-                now = self.node.get_clock().now().nanoseconds
-                frame = self.frame.encode() + b"\0"
-                header = struct.pack("<iII", now // 10**9, now % 10**9, len(frame)) + frame
-                payload = CDR + header + b"\0" * (-len(header) % 8) + payload
-            publisher.publish(payload)
-            heard = publisher.get_subscription_count()
-        except Exception as problem:  # whatever rclpy and the middleware raise
-            return f"{self.topic}: {problem}"
-        return "" if heard else f"no node subscribes to {self.topic}"
-
-    def decide(self, decided_ns: int, payload: bytes, now_ns: int) -> None:
-        """Publish a decided command, unless it is older than the timeout."""
-        if now_ns - decided_ns < self.timeout_ns:
-            self.decided_ns, self.stops_left = decided_ns, 0
-            self.publish(payload)
-
-    def halt(self, now_ns: int) -> str:
-        """Publish the stop, and plan its repetitions; return the reason why it was not published."""
-        self.decided_ns = None
-        if not self.is_stopped:
-            return ""
-        self.stops_left, self.next_stop_ns = STOPS - 1, now_ns + STOP_PAUSE_NS
-        return self.publish(self.stop)
-
-    def due_ns(self) -> int | None:
-        """Return when `tick` has something to do; None if nothing is expected."""
-        if self.stops_left:
-            return self.next_stop_ns
-        return None if self.decided_ns is None else self.decided_ns + self.timeout_ns
-
-    def tick(self, now_ns: int) -> None:
-        """Publish the stop that is due."""
-        due = self.due_ns()
-        if due is None or now_ns < due:
-            return
-        if self.stops_left:
-            self.stops_left -= 1
-            self.next_stop_ns = now_ns + STOP_PAUSE_NS
-            self.publish(self.stop)
-        else:
-            self.halt(now_ns)
-
-
-def gid_of(info: Any) -> bytes:
-    """Return the identifier of an end of a topic."""
-    return bytes(info.endpoint_gid)
-
-
-def describe(infos: Iterable[Any]) -> list[list[Any]]:
-    """Return node, namespace, type, and whether reliable and latched, of the ends of a topic."""
-    from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
-
-    return [
-        [
-            info.node_name,
-            info.node_namespace,
-            info.topic_type,
-            info.qos_profile.reliability != ReliabilityPolicy.BEST_EFFORT,
-            info.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
-        ]
-        for info in infos
-    ]
-
-
-def shown(end: list[Any]) -> str:
-    """Return an end of a topic as messages show it: its node and its type."""
-    namespace = end[1].rstrip("/")
-    return f"`{namespace}/{end[0]}` ({end[2]})"
 
 
 class Bridge:
@@ -294,13 +90,17 @@ class Bridge:
         self.pipe = pipe
         self.inputs: list[tuple[str, str]] = []  # settings, and why there is no subscription
         self.twists: dict[int, tuple[str, Any]] = {}  # of inputs of either type of twist, what is heard
-        self.outputs: list[OutputTopic] = []  # grows only
+        self.outputs: list[OutputTopic | OutputAction] = []  # grows only
         self.added: list[dict[str, Any]] = []
         self.defined = 0
         self.lock = threading.Lock()
         self.began_ns = time.monotonic_ns()
         self.looks = 0
         self.news = self.node.create_guard_condition(self.listen_all)
+        self.goals = self.node.create_guard_condition(self.step)
+        self.introspection: Introspection | None = None
+        if given.get("introspection"):
+            self.introspection = Introspection(self.node, self.report)
         self.add(settings)
         self.node.create_timer(LOOK_S, self.look)
         self.early = self.node.create_timer(EARLY_LOOK_S, self.look_early)
@@ -321,7 +121,9 @@ class Bridge:
             added, self.added = self.added, []
         for output in self.outputs[self.defined :]:
             self.defined += 1
-            if output.wanted not in ("auto", *TWISTS):
+            if isinstance(output, OutputAction):
+                self.define(f"{output.wanted}_Goal")
+            elif output.wanted not in ("auto", *TWISTS):
                 self.define(output.wanted)
         for settings in added:
             error = ""
@@ -330,16 +132,22 @@ class Bridge:
                 self.inputs.append((settings["topic"], error))
                 continue
             try:
-                kind = interface(settings["type"])
                 self.define(settings["type"])
-                callback = self.receiver(len(self.inputs))
-                self.node.create_subscription(
-                    kind, settings["topic"], callback, profile(settings.get("qos", BEST_EFFORT)), raw=True
-                )
+                self.listen(settings, self.receiver(len(self.inputs)))
             except Exception as problem:
                 error = str(problem)
             self.inputs.append((settings["topic"], error))
         self.look()
+
+    def listen(self, settings: dict[str, Any], callback: Callable[[bytes], None]) -> None:
+        """Subscribe to a topic, or to the feedback on an action that is commanded."""
+        topic, kind = settings["topic"], interface(settings["type"])
+        if "/action/" in settings["type"]:
+            actions = (each for each in self.outputs if isinstance(each, OutputAction))
+            next(action for action in actions if action.topic == topic).forward = callback
+            return
+        quality = profile(settings.get("qos", BEST_EFFORT))
+        self.node.create_subscription(kind, topic, callback, quality, raw=True)
 
     def hear_twist(self, index: int, topic: str, types: Iterable[str]) -> str:
         """Subscribe to a twist of the type that is published, and return that type; "" until there is one."""
@@ -356,6 +164,16 @@ class Bridge:
                 ),
             )
         return current
+
+    def step(self) -> None:
+        """Send and cancel the goals of actions."""
+        for output in list(self.outputs):
+            if isinstance(output, OutputAction):
+                output.step()
+
+    def report_goal(self, channel: int, number: int, state: str) -> None:
+        """Report the state of the goal of an action."""
+        self.report(goal=[channel, number, state])
 
     def define(self, name: str) -> None:
         """Report the definition of a type; that there is none is found where it is used."""
@@ -410,24 +228,30 @@ class Bridge:
             t_ns=now_ns,
             ros_ns=node.get_clock().now().nanoseconds,
         )
-
         for name, types in node.get_topic_names_and_types() if self.surveys else ():
             publishers = describe(node.get_publishers_info_by_topic(name))
             subscribers = describe(node.get_subscriptions_info_by_topic(name))
             ends = {"publishers": publishers[:MAX_LISTED], "subscribers": subscribers[:MAX_LISTED]}
             self.report(topic={"name": name, "types": types, **ends})
 
-    def report(self, **what: Any) -> None:
-        """Send a report."""
-        with suppress(OSError):
+    def report(self, **what: Any) -> bool:
+        """Send a report; return False if colony takes none."""
+        try:
             self.pipe.send(b"j" + json.dumps(what).encode(), socket.MSG_DONTWAIT | socket.MSG_NOSIGNAL)
+        except OSError:
+            return False
+        return True
 
     # --- the thread of the pipe ---------------------------------------------------------------------
 
     def add(self, settings: dict[str, Any]) -> None:
         """Add topics."""
         for each in settings.get("out", ()):
-            self.outputs.append(OutputTopic(each))
+            if "/action/" in each["type"]:
+                reporter = partial(self.report_goal, len(self.outputs))
+                self.outputs.append(OutputAction(each, self.goals.trigger, reporter, self.answer))
+            else:
+                self.outputs.append(OutputTopic(each))
         with self.lock:
             self.added += settings.get("in", ())
         self.news.trigger()
@@ -466,24 +290,33 @@ class Bridge:
             self.outputs[channel].decide(decided_ns, packet[DECIDED.size :], now_ns)
         elif kind == b"s":
             _, channel, number = STOP.unpack(packet)
-            self.answer(number, self.outputs[channel].halt(now_ns))
+            output = self.outputs[channel]
+            if isinstance(output, OutputAction):
+                output.stop_number = number
+            self.answer(number, output.halt(now_ns))
         elif kind == b"p":
             self.answer(ANSWER.unpack(packet)[1], "")
         elif kind == b"c":
             self.add(json.loads(packet[1:].decode()))
+        elif kind == b"i" and self.introspection is not None:
+            self.introspection.take(json.loads(packet[1:].decode()))
         return bool(packet)
 
-    def answer(self, number: int, why: str) -> None:
+    def answer(self, number: int, why: str = "") -> None:
         """Answer a stop or a question."""
         with suppress(OSError):
             self.pipe.send(ANSWER.pack(b"a", number) + why.encode(), socket.MSG_DONTWAIT)
 
     def finish(self) -> None:
         """Stop what was commanded, and end the process."""
+        due_s = time.monotonic() + CANCEL_S
         for output in self.outputs:
             if output.decided_ns is not None:
                 output.halt(time.monotonic_ns())
-        while any(output.stops_left for output in self.outputs):
+        while any(
+            not output.is_quiet and (isinstance(output, OutputTopic) or time.monotonic() < due_s)
+            for output in self.outputs
+        ):
             time.sleep(STOP_PAUSE_NS / 4e9)
             self.tick()
         time.sleep(FLUSH_S)
@@ -519,7 +352,3 @@ def run(pipe: socket.socket) -> None:
     finally:
         os.write(awake, b"\0")
         watch.join()
-
-
-if __name__ == "__main__":
-    run(socket.socket(fileno=int(sys.argv[1])))
