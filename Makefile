@@ -14,7 +14,7 @@ MODULE  ?=
 SAMPLE  ?=
 WORKERS ?= 2
 RELEASE ?= jazzy
-ROS2_SAMPLE := many_types or that_dies or topics_alone or described
+ROS2_SAMPLE := many_types or topics_alone
 
 # Tests start many processes; without bytecode each of them would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE

@@ -38,7 +38,7 @@ START_S = 30.0
 """Seconds that a bridge may take to start, on a loaded machine."""
 
 SILENT_S = 4.0
-"""Seconds without a report, which comes each second, after which a bridge is ended."""
+"""Seconds without a report, which comes each second, after which a bridge is ended that commands."""
 
 QUIET_S = 0.5
 """Seconds without an answer of the thread that publishes after which it is asked whether it is alive."""
@@ -383,7 +383,7 @@ class Ros2Connection:
             if not is_ready or now_s - read_s > BUSY_S:  # what it had answered by then is read
                 read_s = now_s
                 self._ask_again(now_s)
-            if now_s - self._heard_s > SILENT_S:
+            if now_s - self._heard_s > (START_S if self._node.survey else SILENT_S):
                 raise BridgeError("the bridge was silent, and was ended")
 
     def _check_life(self, ours: socket.socket, now_s: float) -> None:

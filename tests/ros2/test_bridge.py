@@ -145,8 +145,7 @@ def test_messages_of_many_types_arrive(ros: Ros) -> None:
     for i, (_, _, expected) in enumerate(READ):
         arrives(driver, f"f{i}", expected)
     arrives(driver, "scan", (3.0, 3.0, 3.0, 3.0))
-    until(lambda: not driver.is_opening, "the graph is known")
-    assert driver.problem is None
+    until(lambda: not driver.is_opening and driver.problem is None, "the graph is known")
     assert not reports
     scan = driver.fields()["scan"]
     assert scan is not None

@@ -57,7 +57,7 @@ from tests.runtime.servers.nonsense import Grammar, Hints, Vandal, tree_bytes
 
 KEEP = 40
 USERS = ("ada/1", "ada/2", "bob/1", "carl/1", "eva/1")
-WAITS = frozenset({"wait", "lock", "release", "move", "turn", "continuous_turn"})
+WAITS = frozenset({"wait", "lock", "release", "tune", "move", "turn", "continuous_turn"})
 """Methods whose answer may come later."""
 
 
