@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import time
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ import pytest
 from colony.runtime.library.leader import LEADER
 from colony.runtime.transport.live.run_directory import RunDirectory
 from tests.cli.machine import Machine, contracts_held, failed
+from tests.paths import ROOT
 from tests.ros2 import burger
 from tests.ros2.ros import Foreign, Ros
 from tests.waiting import until
@@ -130,3 +132,31 @@ def test_the_goals_of_a_behavior_follow_each_other_and_end_with_it(ros: Ros, tmp
         stage.leader.interrupt()
         until(lambda: len(walker.said("ended")) == len(walker.said("began")), "the end of the program, too")
         assert contracts_held(stage.leader.out), stage.leader.out
+
+
+OF_TURTLEBOT = {
+    "battery_state": ["sensor_msgs/msg/BatteryState", {"percentage": 75.0}, "reliable"],
+    "imu": ["sensor_msgs/msg/Imu", {"orientation": {"w": 1.0}}, "reliable"],
+}
+
+
+def test_a_turtlebot_wanders_for_a_minute_without_a_contact(ros: Ros, tmp_path: Path) -> None:
+    robot = ros.foreign(others=OF_TURTLEBOT, twist="TwistStamped", frame="base_scan")
+    folder = tmp_path / "robots" / "turtlebot"
+    shutil.copytree(ROOT / "robots" / "turtlebot", folder)
+    body = folder / "turtlebot.toml"
+    body.write_text(body.read_text().replace("[ros2]\n", f'[ros2]\npython = "{ros.python}"\n', 1))
+    named, recording = f"turtlebot={folder / 'turtlebot.colony'}", str(tmp_path / "run.mcap")
+    with closing(Machine(tmp_path)) as machine:
+        supervisor = machine.start("serve", "all", "--robot", named, "--hardware")
+        until(
+            lambda: failed(supervisor) or "no program runs" in machine.run("ps", "--robot", "turtlebot").out,
+            "it is served",
+        )
+        drive = ("drive", "wander", "--robot", named, "--duration", "60", "--record", recording)
+        done = machine.run(*drive, patience_s=180.0)
+        assert done.wait() == 0, done.err
+        assert contracts_held(done.out), done.out
+        assert sum(row["v"] > 0.0 for row in robot.heard) > 200
+        assert not any(row["touched"] for row in robot.heard)
+        assert machine.run("audit", recording).wait() == 0
