@@ -43,6 +43,7 @@ SAMPLES: Mapping[Any, Any] = {
     "Iterable[str]": ("a",),
     "Mapping[str, object]": {"a": 1},
     "Mapping[str, bool | float]": {"a": 1.0},
+    "Mapping[str, float | None]": {"a": 1.0},
     "Deployment": None,
 }
 """An argument of each type that functions of the library have."""

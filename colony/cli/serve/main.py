@@ -172,7 +172,7 @@ def serve_spec(options: Mapping[str, Any]) -> ServeSpec:
         "described": described,
         "world": world_spec(options),
         "interface": interface,
-        "limits": None if options["read_only"] else limits,
+        "limits": None if options.get("read_only") else limits,
         "hardware": options["hardware"] or options["port"] is not None,
     }
     return ServeSpec(**own)
