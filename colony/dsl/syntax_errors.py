@@ -195,10 +195,13 @@ def _punctuation_hint(text: str, offset: int, found: str, accepted: frozenset[st
     return None
 
 
+_TUNABLE = re.compile(r"\btunable[ \t]+param\b[^{}\n]*\s*\Z")
 _INPUT_OF_A_FILE = re.compile(r"^[ \t]*input\b[^{}]*\Z", re.MULTILINE)
 
 
 def _word_hint(before: str, found: str, accepted: frozenset[str]) -> str | None:
+    if "IN" in accepted and _TUNABLE.search(before):
+        return "a tunable param is a number in an interval: `tunable param NAME = NUMBER in LOW .. HIGH`"
     if {"FROM", "DEFAULT"} <= accepted and _INPUT_OF_A_FILE.search(before):
         return "an input of a file is `from DServer.NAME`; those of modules stand in `module NAME { ... }`"
     if found == "if" and "LPAR" in accepted and "NUMBER" in accepted:

@@ -104,6 +104,11 @@ def test_no_constant_is_computed_from_it() -> None:
     assert "name what is computed from it with `let`" in said
 
 
+@pytest.mark.parametrize("text", ["tunable param a = true\nlet b = 1", "tunable param a = 3 mm\nlet b = 1"])
+def test_one_without_an_interval_has_a_hint(text: str) -> None:
+    assert "hint: a tunable param is a number in an interval" in messages(text)
+
+
 def test_a_derived_module_stays_in_the_interval() -> None:
     said = messages(AVOID + "module wide = avoid(clearance = 2 m)")
     assert "error[E404]: param `clearance` is outside of its interval, 50 cm .. 100 cm" in said

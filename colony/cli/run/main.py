@@ -40,9 +40,12 @@ from colony.cli.run.options import (
     watch_option,
 )
 from colony.extras import expect_extras
+from colony.text.wording import quoted
 
 if TYPE_CHECKING:
+    from colony.body.model import Body
     from colony.execute.compiled import Compiled
+    from colony.ir.program import Robot
     from colony.runs.described import DescribedRobot
     from colony.runs.spec import RunReport, RunSpec, UserInterface
 
@@ -181,6 +184,7 @@ def command(**options: Any) -> None:
         expect_extras("watch")
     compiled, described = load_for_run(options["file"], unproved=options["unproved"])
     say_whose_name(compiled.robot)
+    _say_unsimulated(compiled.robot, described.body)
     picture = None if options["no_picture"] else options["picture"] or PICTURE
     with reporting_failures(), redirect_stdout(sys.stderr):  # for prints of Python modules
         from colony.runs.spec import expect_simulable
@@ -195,6 +199,19 @@ def command(**options: Any) -> None:
         if picture is not None:
             result = draw(result, compiled.name, picture)
     print_summary(result, spec.record, picture, options["format_"])
+
+
+def _say_unsimulated(robot: Robot, body: Body) -> None:
+    """Say which servers of a program have a real device, and none in the simulator."""
+    from colony.runtime.protocol.bindings import bound_servers
+
+    tables = {name: body.servers.get(name) for name in bound_servers(robot)}
+    found = [
+        n for n, table in tables.items() if table is not None and table.is_real and body.device(n) is None
+    ]
+    if found:
+        has = "have no device" if found[1:] else "has no device"
+        say(f"{quoted(found)} {has} in the simulator (`simulated` in the body): its fields have no values")
 
 
 _FLAGS = {"cameras": "--camera", "goal": "--to", "mujoco": "--physics mujoco"}

@@ -296,7 +296,7 @@ def render_comparison(report: ControllerReport) -> str:
         for b in report.breaches
     ]
     lines += [f"  contract {name}: not judged, as {why}" for name, why in report.unjudged.items()]
-    if report.held:
+    if report.held and any(actuator.frames for actuator in report.actuators):
         lines.append(f"  the controller held {counted(len(report.held), 'contract')} in every frame")
     return "\n".join(lines)
 

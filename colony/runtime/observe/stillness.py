@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from colony.execute.compiled import Compiled
-from colony.execute.needs import needs_of_clients
+from colony.execute.needs import BOUNDS, needs_of_clients
 from colony.ir.program import Sensor
 from colony.ir.types import is_rate
 from colony.runtime.frames.run_frame import RunFrame
@@ -15,6 +15,13 @@ from colony.text.wording import listed
 
 STILL_NS = 1_500_000_000
 """Nanoseconds at rest after which the cause is reported."""
+
+_FAULTS = {
+    "missing": "the command that won, or one of its limits, reads a missing value",
+    "bound missing": "a limit reads a missing value",
+    "not finite": "the command that won is not finite",
+    "limits contradict": "the limits contradict each other",
+}
 
 MAX_LISTED = 5
 """Maximum number of sensors or clients that one line lists."""
@@ -91,7 +98,8 @@ class Stillness:
         if verdict.outside is not None:
             return f"{verdict.outside} commands `{actuator}` from outside the network"
         if verdict.fault is not None:
-            return f"`{actuator}`: {verdict.fault}"
+            reads = (*self._reads(actuator, verdict.by), *self._reads(actuator, BOUNDS))
+            return "; ".join([_FAULTS.get(verdict.fault, verdict.fault), *self._missing(reads, log)])
         if verdict.by is not None:
             limit = ", or a limit holds it at 0" if actuator in self._limited else ""
             return f"`{verdict.by}` commands it to stand{limit}"
@@ -105,18 +113,28 @@ class Stillness:
         for fate in ("lost", "late"):
             if names := clients.get(fate):
                 yield f"{_some([f'`{name}`' for name in names])} {'is' if len(names) == 1 else 'are'} {fate}"
-        silent = (self._needed.get((verdict.actuator, name), ()) for name in clients.get("silent", ()))
-        read = {s.name: s for sensors in silent for s in sensors}
-        missing = [s for s in read.values() if log.frame.readings.get(s.name) is None]
-        for what, sensors in (
+        silent = (self._reads(verdict.actuator, name) for name in clients.get("silent", ()))
+        missing = list(self._missing((s for sensors in silent for s in sensors), log))
+        yield from missing
+        if names := clients.get("inhibited"):
+            yield f"{_some([f'`{name}`' for name in names])} {'is' if len(names) == 1 else 'are'} inhibited"
+        if not missing and not ({"lost", "late", "inhibited"} & clients.keys()):
+            yield f"no module commands `{verdict.actuator}` (`colony explain` of a recording says why)"
+
+    def _reads(self, actuator: str, client: str | None) -> tuple[Sensor, ...]:
+        """Return the sensors without a default that a client reads."""
+        return self._needed.get((actuator, client or ""), ())
+
+    def _missing(self, sensors: Iterable[Sensor], log: RunFrame) -> Iterator[str]:
+        """Yield which of the sensors have no value, or none any more."""
+        missing = [s for s in {s.name: s for s in sensors}.values() if log.frame.readings.get(s.name) is None]
+        for what, found in (
             ("never had a value", [s for s in missing if s.name in self._unread]),
             ("missing", [s for s in missing if s.name not in self._unread]),
         ):
-            if sensors:
-                verb = "" if what.startswith("never") else "are " if sensors[1:] else "is "
-                yield f"{_some([_sensor(s, log) for s in sensors])} {verb}{what}"
-        if not missing and not ({"lost", "late"} & clients.keys()):
-            yield f"no module commands `{verdict.actuator}` (`colony explain` says why)"
+            if found:
+                verb = "" if what.startswith("never") else "are " if found[1:] else "is "
+                yield f"{_some([_sensor(s, log) for s in found])} {verb}{what}"
 
 
 def _some(words: list[str]) -> str:

@@ -11,6 +11,7 @@ from colony.cli.run.also import other_robots
 from colony.cli.run.options import OptionError
 from tests.cli.conftest import Colony
 from tests.paths import ROOT
+from tests.ros2 import burger
 
 LOOP = str(ROOT / "maps" / "loop.stickrep")
 
@@ -115,3 +116,11 @@ def test_a_behavior_that_imports_another_robot_than_the_one_named_is_said(
     slip = "`amr` is only the name of the robot here: the behavior itself imports rome"
     assert slip in colony(*command, "amr").err
     assert "only the name" not in colony(*command, "lab").err
+
+
+def test_servers_without_a_simulated_device_are_said(colony: Colony, tmp_path: Path) -> None:
+    program = burger.write(tmp_path, Path("python3"))
+    named = f"burger={tmp_path / 'robots' / 'burger' / 'burger.colony'}"
+    command = ("run", str(program), "--map", LOOP, "--duration", "0.1", "--no-picture", "--robot", named)
+    said = "`Lidar`, `Battery` and `Panel` have no device in the simulator (`simulated` in the body)"
+    assert said in colony(*command).err

@@ -63,7 +63,7 @@ class Watched:
         self._k += 1
 
 
-NOBODY = "no module commands `drive` (`colony explain` says why)"
+NOBODY = "no module commands `drive` (`colony explain` of a recording says why)"
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,13 @@ NOBODY = "no module commands `drive` (`colony explain` says why)"
         ({"hold": "locked", "outside": "ada/1"}, "ada/1 has locked `drive`"),
         ({"hold": "locked"}, "a connection has locked `drive`"),
         ({"outside": "ada/1"}, "ada/1 commands `drive` from outside the network"),
-        ({"fault": "limits contradict"}, "`drive`: limits contradict"),
+        ({"fault": "limits contradict"}, "the limits contradict each other"),
+        (
+            {"by": "a", "fault": "missing", "readings": {"far": 5.0}},
+            "the command that won, or one of its limits, reads a missing value; "
+            "`near` (PServer.near) never had a value",
+        ),
+        ({"fates": {"a": "inhibited", "b": "inactive"}}, "`a` is inhibited"),
         ({"by": "b", "fates": {"a": "inactive", "b": "won"}}, "`b` commands it to stand"),
         ({"fates": {"a": "late", "b": "late"}}, "`a` and `b` are late"),
         ({"fates": {"a": "lost", "b": "inactive"}}, "`a` is lost"),
