@@ -119,8 +119,8 @@ def test_a_module_in_python_takes_none() -> None:
 
 
 def test_a_site_sets_the_value_at_the_start_within_the_interval() -> None:
-    def checked(values: dict[str, object]) -> tuple[dict[str, ScalarValue | None], list[str]]:
-        found = check_text(AVOID + ROBOT, params=params_from_values(values, "site"))
+    def checked(values: dict[str, object], more: str = "") -> tuple[dict[str, ScalarValue | None], list[str]]:
+        found = check_text(AVOID + more + ROBOT, params=params_from_values(values, "site"))
         sensors: tuple[Sensor, ...] = () if found.program is None else found.program.robot.sensors
         initial = {s.name: s.default for s in sensors if s.tunable}
         return initial, [d.message for d in found.diagnostics if d.severity == "error"]
@@ -130,6 +130,8 @@ def test_a_site_sets_the_value_at_the_start_within_the_interval() -> None:
         [],
     )
     assert checked({"roaming": "2 m/s"})[1] == ["`roaming` is outside of its interval, 0.1 m/s .. 0.6 m/s"]
+    wide = checked({"wide": {"clearance": "2 m"}}, "module wide = avoid(clearance = 0.9 m)\n")
+    assert wide[1] == ["`wide.clearance` is outside of its interval, 50 cm .. 100 cm"]
 
 
 def test_executors_agree_with_values_that_change() -> None:
