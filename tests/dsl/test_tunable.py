@@ -157,6 +157,8 @@ def test_executors_agree_with_values_that_change() -> None:
         ('c = "x"\n[n]\nd = 1\n', 'c = "x"\na = "1 m"\nm.b = "2"\n\n[n]\nd = 1\n'),
         ("[m]\nb = 1\nc = 2", 'a = "1 m"\n\n[m]\nb = "2"\nc = 2'),
         ("m.b = 1\na = 2", 'm.b = "2"\na = "1 m"'),
+        ("# site\r\na = 3\r\nm.b = 4\r\n", '# site\r\na = "1 m"\r\nm.b = "2"\r\n'),
+        ("\ufeffa = 3\nm.b = 4\n", 'a = "1 m"\nm.b = "2"\n'),
     ],
 )
 def test_saved_values_take_their_places_and_the_rest_stays(
@@ -164,7 +166,7 @@ def test_saved_values_take_their_places_and_the_rest_stays(
 ) -> None:
     path = tmp_path / "site.toml"
     if before is not None:
-        path.write_text(before)
+        path.write_bytes(before.encode())
     assert saved_params(path, {"a": "1 m", "m.b": "2"}).rstrip("\n") == after.rstrip("\n")
 
 
