@@ -91,6 +91,9 @@ def command(bag: Path | None, tolerance: float | None, watch: bool, **options: A
         given = [name for name in ("connect", "security", "watch") if options.pop(name) is not None]
         if given:
             raise click.UsageError(f"--{given[0]} is for a robot that is served, not for a bag")
+        record, kept = options.get("record"), Path(bag).resolve()
+        if record is not None and kept in (written := Path(record).resolve(), *written.parents):
+            raise click.UsageError(f"--record {record} would write into the bag, which is never changed")
         run_with_bag(bag, tolerance, options)
         return
     from colony.cli.run.running import run_on_served

@@ -122,8 +122,8 @@ def saved_params(path: Path, values: Mapping[str, str]) -> str:
         found = read_params(path)
         if found.diagnostics:
             raise SavedParamsError(headline(found.diagnostics[0]))
-        text = path.read_text(encoding="utf-8")
         given = {value.name: value.place for value in found.values}
+        text = decode(read_file(path, MAX_BYTES), str(path)).text  # the one that the places count in
         for name, place in sorted(given.items(), key=lambda item: -item[1].start):
             if name in values:
                 text = f'{text[: place.start]}"{values[name]}"{text[place.end :]}'

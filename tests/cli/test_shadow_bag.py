@@ -214,3 +214,14 @@ def test_options_of_a_served_robot_are_refused(desk: Desk) -> None:
     result = desk.shadow(desk.bag(hall(0.5)), "--connect")
     assert result.code == 2
     assert "--connect is for a robot that is served, not for a bag" in result.err
+
+
+def test_a_recording_into_the_bag_is_refused(desk: Desk) -> None:
+    bag = desk.bag(hall(0.5))
+    (file,) = bag.glob("*.mcap")
+    before = contents(bag)
+    for path, record in ((bag, file), (file, file), (bag, bag / "shadow.mcap")):
+        result = desk.shadow(path, "--record", str(record))
+        assert result.code == 2
+        assert "would write into the bag, which is never changed" in result.err
+    assert contents(bag) == before

@@ -124,8 +124,8 @@ def test_a_module_in_python_takes_none() -> None:
 
 
 def test_a_site_sets_the_value_at_the_start_within_the_interval() -> None:
-    def checked(values: dict[str, object]) -> tuple[dict[str, ScalarValue | None], list[str]]:
-        found = check_text(AVOID + ROBOT, params=params_from_values(values, "site"))
+    def checked(values: dict[str, object], more: str = "") -> tuple[dict[str, ScalarValue | None], list[str]]:
+        found = check_text(AVOID + more + ROBOT, params=params_from_values(values, "site"))
         sensors: tuple[Sensor, ...] = () if found.program is None else found.program.robot.sensors
         initial = {s.name: s.default for s in sensors if s.tunable}
         return initial, [d.message for d in found.diagnostics if d.severity == "error"]
@@ -135,6 +135,8 @@ def test_a_site_sets_the_value_at_the_start_within_the_interval() -> None:
         [],
     )
     assert checked({"roaming": "2 m/s"})[1] == ["`roaming` is outside of its interval, 0.1 m/s .. 0.6 m/s"]
+    wide = checked({"wide": {"clearance": "2 m"}}, "module wide = avoid(clearance = 0.9 m)\n")
+    assert wide[1] == ["`wide.clearance` is outside of its interval, 50 cm .. 100 cm"]
 
 
 def test_executors_agree_with_values_that_change() -> None:
@@ -160,6 +162,8 @@ def test_executors_agree_with_values_that_change() -> None:
         ('c = "x"\n[n]\nd = 1\n', 'c = "x"\na = "1 m"\nm.b = "2"\n\n[n]\nd = 1\n'),
         ("[m]\nb = 1\nc = 2", 'a = "1 m"\n\n[m]\nb = "2"\nc = 2'),
         ("m.b = 1\na = 2", 'm.b = "2"\na = "1 m"'),
+        ("# site\r\na = 3\r\nm.b = 4\r\n", '# site\r\na = "1 m"\r\nm.b = "2"\r\n'),
+        ("\ufeffa = 3\nm.b = 4\n", 'a = "1 m"\nm.b = "2"\n'),
     ],
 )
 def test_saved_values_take_their_places_and_the_rest_stays(
@@ -167,7 +171,7 @@ def test_saved_values_take_their_places_and_the_rest_stays(
 ) -> None:
     path = tmp_path / "site.toml"
     if before is not None:
-        path.write_text(before)
+        path.write_bytes(before.encode())
     assert saved_params(path, {"a": "1 m", "m.b": "2"}).rstrip("\n") == after.rstrip("\n")
 
 

@@ -136,6 +136,12 @@ class Stage:
         requests = self.server.clients["cancel_goal"].requests
         return [bytes(request.goal_info.goal_id.uuid) for request, _ in requests]
 
+    def agree(self, *goals: bytes) -> None:
+        """Answer the newest cancellation; without a goal as a server in rclpy does that refuses it."""
+        infos = [SimpleNamespace(goal_id=SimpleNamespace(uuid=list(goal))) for goal in goals]
+        _, reply = self.server.clients["cancel_goal"].requests[-1]
+        reply.answer(return_code=0, goals_canceling=infos)
+
     def wait(self, for_ns: int) -> None:
         """Let time pass, without a decision."""
         self.now_ns += for_ns
@@ -197,8 +203,18 @@ def test_a_goal_without_a_decision_is_canceled_after_the_timeout(stage: Stage) -
     stage.wait(1)
     assert stage.canceled() == [goal]
     assert stage.action.halt(stage.now_ns) == "walk: the goal is not canceled yet"
-    stage.server.clients["cancel_goal"].requests[-1][1].answer(return_code=0)
+    stage.agree(goal)
     assert stage.action.halt(stage.now_ns) == ""
+
+
+def test_a_cancellation_that_the_server_refuses_is_sent_again(stage: Stage) -> None:
+    stage.decide(1)
+    goal = stage.answer()
+    stage.action.halt(stage.now_ns)
+    stage.agree()
+    assert stage.action.halt(stage.now_ns) == "walk: the goal is not canceled yet"
+    stage.wait(CANCEL_AGAIN_NS)
+    assert stage.canceled() == [goal] * 2
 
 
 @pytest.mark.parametrize("is_agreed", [True, False])
@@ -209,7 +225,7 @@ def test_a_stop_is_acknowledged_as_soon_as_the_goal_is_canceled(stage: Stage, is
     assert stage.action.halt(0)
     assert not stage.acknowledged
     if is_agreed:
-        stage.server.clients["cancel_goal"].requests[-1][1].answer(return_code=0)
+        stage.agree(goal)
     stage.status((goal, CANCELED))
     assert stage.acknowledged == [7]
 

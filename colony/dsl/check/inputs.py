@@ -28,12 +28,11 @@ from colony.dsl.check.scope import (
     TypedParameter,
     ValueSymbol,
 )
-from colony.dsl.check.site_values import declared_unit, site_param
+from colony.dsl.check.site_values import declared_unit, outside_text, site_param
 from colony.ir import program as ir
 from colony.ir.expression import DerivedValue, Expression, SensorValue
 from colony.ir.types import BOOL, DIMENSIONLESS, Enum, Quantity, Scalar, ScalarValue, Value, unit_shown
 from colony.record import Record, record
-from colony.text.diagnostics import Label, error
 from colony.text.units import BASE_UNITS
 
 # --- derived -------------------------------------------------------------------------------------------
@@ -54,15 +53,7 @@ def check_param(checker: Checker, node: ast.ParamDecl, full_name: str) -> ParamS
     if tunable is None:
         return BrokenSymbol()
     symbol = tunable if given is None else site_param(checker, given, tunable, node)
-    if given is not None and isinstance(symbol, ParamSymbol):
-        outside = outside_text(tunable, symbol.value)
-        if outside is not None:
-            label = Label(checker.span(node), "the param is declared here")
-            message = f"`{given.name}` is {outside}"
-            checker.report.diagnostics.append(error("E704", given.place, message, None, label))
-            return BrokenSymbol()
-        symbol = with_value(tunable, symbol.value)
-    return symbol
+    return with_value(tunable, symbol.value) if isinstance(symbol, ParamSymbol) else symbol
 
 
 def _tunable(
@@ -103,17 +94,6 @@ def _tunable(
         checker.error("E304", node.value, f"`{node.name.text}` is {outside}")
         return None
     return symbol
-
-
-def outside_text(symbol: TunableSymbol, value: Value) -> str | None:
-    """Return a text if a value is outside of the interval of a tunable param; None if it is inside."""
-    sensor = symbol.sensor
-    assert sensor.low is not None
-    assert sensor.high is not None
-    if sensor.low <= value <= sensor.high:  # type: ignore[operator]
-        return None
-    low, high = (f"{bound / sensor.factor:.9g} {sensor.unit}".rstrip() for bound in (sensor.low, sensor.high))
-    return f"outside of its interval, {low} .. {high}"
 
 
 def with_value(symbol: TunableSymbol, value: Value, name: str | None = None) -> TunableSymbol:

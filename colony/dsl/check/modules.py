@@ -22,7 +22,6 @@ from colony.dsl.check.inputs import (
     check_state,
     input_readings,
     let_symbol,
-    outside_text,
     with_value,
 )
 from colony.dsl.check.references import actuator_named, resolve_network_symbol, resolve_reference
@@ -39,7 +38,7 @@ from colony.dsl.check.scope import (
     label,
     span_of,
 )
-from colony.dsl.check.site_values import site_param
+from colony.dsl.check.site_values import outside_text, site_param
 from colony.ir import program as ir
 from colony.ir.expression import Constant, Expression
 from colony.ir.types import BOOL, DIMENSIONLESS, Enum, ScalarValue, type_text

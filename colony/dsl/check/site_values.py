@@ -19,13 +19,14 @@ from colony.dsl.check.scope import (
     FileScope,
     ModuleSymbol,
     ParamSymbol,
+    TunableSymbol,
     is_private,
     span_of,
 )
 from colony.dsl.parse import parse
 from colony.dsl.site import SiteParams, SiteValue
 from colony.ir.site import Site
-from colony.ir.types import DIMENSIONLESS, Enum, Quantity, is_percent, type_text
+from colony.ir.types import DIMENSIONLESS, Enum, Quantity, Value, is_percent, type_text
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, Label, error, has_errors
 from colony.text.source import Source
@@ -363,7 +364,20 @@ def site_param(
     if not fits(found.type, own.type):
         message = f"`{given.name}` is {with_article(own.type)}, found {with_article(found.type)}"
         return refuse(message, _unit_hint(value, own, node))
+    if isinstance(own, TunableSymbol) and (outside := outside_text(own, found.value)) is not None:
+        return refuse(f"`{given.name}` is {outside}", None)
     return ParamSymbol(type=own.type, value=found.value)
+
+
+def outside_text(symbol: TunableSymbol, value: Value) -> str | None:
+    """Return a text if a value is outside of the interval of a tunable param; None if it is inside."""
+    sensor = symbol.sensor
+    assert sensor.low is not None
+    assert sensor.high is not None
+    if sensor.low <= value <= sensor.high:  # type: ignore[operator]
+        return None
+    low, high = (f"{bound / sensor.factor:.9g} {sensor.unit}".rstrip() for bound in (sensor.low, sensor.high))
+    return f"outside of its interval, {low} .. {high}"
 
 
 def declared_unit(node: ast.SyntaxNode) -> str | None:

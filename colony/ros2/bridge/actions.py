@@ -308,10 +308,11 @@ class OutputAction:
         def answered(done: Any) -> None:
             if done.exception() is not None or goal_id not in self.open:
                 return
-            code = done.result().return_code
-            if code in (UNKNOWN_GOAL, ENDED_GOAL):
+            answer = done.result()
+            if answer.return_code in (UNKNOWN_GOAL, ENDED_GOAL):
                 self.forget(goal_id)
-            elif code == 0:
+            elif goal_id in {bytes(each.goal_id.uuid) for each in answer.goals_canceling}:
+                # the code alone does not say so: rclpy answers 0 as well where it refuses
                 self.canceling.add(goal_id)
                 self.note_quiet()
 

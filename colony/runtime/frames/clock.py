@@ -150,6 +150,7 @@ class Clock:
         self._decided: set[str] = set()
         self._answered: dict[str, int] = {}  # the newest frame of each server
         self._tuned: dict[str, float] = {}
+        self._reset: set[str] = set()  # params that were set back since the deployment
         self._tunings: list[CallId] = []  # to be answered with the next tick
         self._releases: dict[CallId, tuple[int, int]] = {}  # the first tick with each, and its deadline
         self._wakes = WakeSchedule()
@@ -318,7 +319,7 @@ class Clock:
         new = self._leadership.take(call_id.caller, deployment) and deployment.run != self._run
         self._leader = call_id.caller
         if new or self._deployment is None:
-            self._deployment, self._tuned = deployment, {}
+            self._deployment, self._tuned, self._reset = deployment, {}, set()
             self._on_deploy(deployment)
             self._enroll(now_ns)
 
@@ -398,7 +399,8 @@ class Clock:
         self._next_k = max(self._next_k, resumed.used_k + 1)
         self._epoch_k = resumed.start
         self._gaps = (*resumed.last.gaps, (resumed.last.k, self._next_k))[-MAX_GAPS:]
-        self._tuned = {**resumed.last.tuned, **self._tuned}
+        before = {name: x for name, x in resumed.last.tuned.items() if name not in self._reset}
+        self._tuned = {**before, **self._tuned}
         self._kept = {tick.k: tick for tick in resumed.ticks}
         self._answers.clear()
         self._answers.resume(resumed.behind, resumed.void)
@@ -445,6 +447,7 @@ class Clock:
         """Change tunable params with the next tick, all or none."""
         active = () if self._active is None else self._active.tunables
         self._tuned = tuned_with(active, self._tuned, arguments.values)
+        self._reset.update(name for name, value in arguments.values.items() if value is None)
         self._tunings.append(call_id)
         return LATER
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ from colony.cli.robot.graph.choice import choose
 from colony.cli.robot.graph.description import body_text, interface_text, within_ms
 from colony.dsl.load import check_file, check_text
 from colony.ir.program import Robot
-from colony.ir.ros2_messages import BATTERY_STATE, BOOL, IMU, LASER_SCAN, RANGE
+from colony.ir.ros2_messages import BATTERY_STATE, BOOL, IMU, LASER_SCAN, ODOMETRY, RANGE
 from colony.ros2.survey import SurveyedTopic
 from tests.cli.graph.graphs import drive, odometry, scan, topic, transforms, turtlebot
 from tests.paths import ROOT
@@ -89,6 +90,16 @@ def test_a_turtlebot_has_its_units_mounting_and_ages() -> None:
     assert (read.chassis.drive.wheel_base_mm, read.chassis.height_mm) == (160.0, 160.0)
     assert "# guessed: a range of 0 is no echo." in body
     assert "# guessed: 75 is in percent, where ROS has a part of 1." in body
+
+
+@pytest.mark.parametrize(
+    "frame", ['x" }\n[server.Evil]\n# ', "back\\slash", "\x00\x7f\x1b[31m", "caf\u00e9 \U0001f916"]
+)
+def test_frames_are_texts_whatever_they_contain(frame: str) -> None:
+    odom = topic("/odom", ODOMETRY, {"child_frame_id": f"base {frame}"})
+    body = tomllib.loads(body_text(choose([scan(frame=frame), odom, drive()]), "rover", {}))
+    assert set(body["server"]) == {"RServer", "Lidar"}
+    assert body["server"]["Lidar"]["ros2"]["scan"]["frame"] == frame
 
 
 def test_behaviors_that_come_with_colony_run_on_a_turtlebot(

@@ -100,6 +100,19 @@ def test_a_clock_that_is_started_again_goes_on_with_the_values() -> None:
     assert values(leader) == {"speed": 0.25}
 
 
+def test_a_change_before_a_run_goes_on_is_not_undone_by_the_values_before() -> None:
+    stage = Stage(now_ns=10 * S)
+    leader = Leader(stage, "user/1")
+    assert leader.deploy(deployed(tunables=(SPEED, NEAR))) is None
+    leader.begin(library.tune({"speed": None, "avoid.near": 700.0}))
+    last = Tick(k=50_000, t_ns=9 * S, start=49_000, run="run", tuned={"speed": 0.25, "avoid.near": 450.0})
+    progress = Progress(start=49_000, stepped=50_000, ticks=(last,))
+    stage.handle(*(Ready(client=c, run="run", progress=progress) for c in CLIENTS))
+    stage.pass_time(100 * MS)
+    assert stage.ticks[-1].start == 49_000
+    assert values(leader) == {"speed": 0.3, "avoid.near": 700.0}
+
+
 @pytest.mark.parametrize(("declared", "value"), [(True, 0.2), (False, 200.0)])
 def test_nodes_read_the_values_from_ticks(declared: bool, value: float) -> None:
     binding = SensorBinding(

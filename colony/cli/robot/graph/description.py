@@ -240,19 +240,24 @@ def _base_lines(chosen: ChosenTopics) -> Iterator[str]:
         yield f'ros2.{name} = {{ topic = "{chosen.relative(topic)}", type = "{BOOL}" }}'
 
 
+def _text(text: str) -> str:
+    """Return a text of a message as TOML writes it, in one line whatever it has."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
 def _topics(chosen: ChosenTopics) -> Iterator[_Topic]:
     def of(topic: SurveyedTopic, **keys: str) -> dict[str, str]:
         return {"topic": f'"{chosen.relative(topic)}"', "type": f'"{topic.types[0]}"', **keys}
 
     if (scan := chosen.scan) is not None:
         place = f'["{_mm(scan.x_m)} mm", "{_mm(scan.y_m)} mm", "{scan.bearing_deg:g} deg"]'
-        keys = {"frame": f'"{scan.frame}"', "pose": place} if scan.frame else {"pose": place}
+        keys = {"frame": _text(scan.frame), "pose": place} if scan.frame else {"pose": place}
         keys |= {"upside_down": "true"} if scan.is_upside_down else {}
         keys |= {"zero": '"no_echo"'} if scan.has_zeros else {}
         guesses = (
             []
             if scan.is_placed
-            else [f"the scanner is at the center, ahead: no transform from `{chosen.base}`"]
+            else [f"the scanner is at the center, ahead: no transform from {_text(chosen.base)}"]
         )
         guesses += ["a range of 0 is no echo"] if scan.has_zeros else []
         comment = f"guessed: {'; '.join(guesses)}." if guesses else ""
