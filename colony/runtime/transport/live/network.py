@@ -230,15 +230,22 @@ def _open(
         raise UnreachableError(
             f"no session can be opened, for lack of memory or threads: {problem}"
         ) from None
+    _open_sessions.append(session)
     resources.callback(_close, robot_address, session)
     return session
+
+
+_open_sessions: list[zenoh.Session] = []
+"""The sessions of this process that are not being closed."""
 
 
 def _close(robot_address: RobotAddress, session: zenoh.Session) -> None:
     """Close a session, even if a frozen process of the robot does not answer a dial.
 
-    Zenoh waits for its dials, which end when their sockets are shut down.
+    Zenoh waits for its dials, which end when their sockets are shut down. Those of sessions that stay open
+    cannot be told from them; so one that is not the last of the process is closed in the background.
     """
+    _open_sessions.remove(session)
 
     def close() -> None:
         with suppress(zenoh.ZError):  # it took too long
@@ -247,6 +254,8 @@ def _close(robot_address: RobotAddress, session: zenoh.Session) -> None:
     closing = Thread(target=close, name="closing", daemon=True)
     closing.start()
     closing.join(CLOSE_S)
+    if _open_sessions:
+        return
     if closing.is_alive() and isinstance(robot_address, Local):
         _shut_down_links(os.fsencode(robot_address.directory.path) + b"/")
     closing.join()

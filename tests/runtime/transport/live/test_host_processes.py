@@ -240,6 +240,23 @@ def test_a_session_closes_although_a_server_that_it_dials_is_frozen(environment:
         assert not _dials(robot_address(environment).directory.path)
 
 
+def test_a_session_that_closes_beside_a_frozen_server_leaves_a_server_of_its_process_in_reach(
+    environment: Mapping[str, str],
+) -> None:
+    directory = robot_address(environment).directory
+    with (
+        python_process(environment, "-c", PROCESS, says="ready") as process,
+        ZenohSession.open(robot_address(environment), server_names=("PServer",)),
+        socket.socket(socket.AF_UNIX) as caller,
+    ):
+        process.send_signal(signal.SIGSTOP)
+        closing = ZenohSession.open(robot_address(environment))
+        until(lambda: _dials(directory.path), "it dials the server")
+        closing.close()
+        caller.connect(str(directory.socket("PServer")))
+        process.send_signal(signal.SIGCONT)
+
+
 def _dials(folder: Path) -> bool:
     """Return True if this process has a socket that is connected to one in the folder."""
     for descriptor in os.listdir("/proc/self/fd"):
