@@ -326,10 +326,10 @@ class Ros2Device(_Driver):
         self._commands = {name: _Command(topic) for name, topic in given["out"].items()}
         self._goals: dict[str, ActionGoals] = {}
         for name, topic in given["out"].items():
-            if is_action(topic["type"]):
-                self._goals[name] = self._join(name, topic)
-            else:
+            if not is_action(topic["type"]):
                 self._command(name, topic)
+            elif not self._listens:  # the client of an action cancels goals
+                self._goals[name] = self._join(name, topic)
         self._readers = {name: self._reader(name, topic) for name, topic in given["in"].items()}
         self.commands: Set[str] = self._commands.keys()
 
@@ -346,6 +346,8 @@ class Ros2Device(_Driver):
         if not is_action(topic["type"]):
             field = _Field(topic, self._hear(name, topic))
             return lambda: field.read(self._message(name), self._connection.now_ns())
+        if self._listens:
+            return lambda: None
         goals = next(goals for goals in self._goals.values() if goals.output.topic == topic["topic"])
         part_of_action = _Field(topic, goals.output.feedback)
         if topic["path"] == STATUS:

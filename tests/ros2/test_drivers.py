@@ -331,6 +331,16 @@ def test_a_driver_that_listens_commands_nothing() -> None:
         listening(stage)[0].drive(100.0, 0.0)
 
 
+def test_a_driver_that_listens_has_no_client_of_an_action_since_that_cancels_goals() -> None:
+    stage = Stage()
+    goto = {"topic": "fibonacci", "type": "test_msgs/action/Fibonacci"}
+    given = {"in": {"status": {**goto, "path": "status"}}, "out": {"goto": goto}}
+    device = Ros2Device(NODE, json.dumps(given), listen=True, connection=stage)  # type: ignore[arg-type]
+    assert device.fields() == {"status": None}
+    device.safe()
+    assert (stage.actions, stage.decided, stage.stopped) == ([], {}, [])
+
+
 def test_commands_are_heard_in_the_units_of_commands_until_their_timeout() -> None:
     stage = Stage()
     base, lamp = listening(stage)
