@@ -217,7 +217,7 @@ def test_drawn_scans_are_read_as_by_numpy() -> None:
         check_drawn(seed)
 
 
-@pytest.mark.long
+@pytest.mark.thorough
 def test_many_drawn_scans_are_read_as_by_numpy() -> None:
     pytest.importorskip("rosbags")
     for seed in range(10_000):
