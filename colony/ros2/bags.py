@@ -276,7 +276,7 @@ class BagConnection:
         return None
 
     def close(self) -> None:
-        """Do nothing: the bag is closed by whoever opened it."""
+        """Do nothing: its owner closes the bag."""
 
 
 def types_of(type_: str) -> tuple[str, ...]:

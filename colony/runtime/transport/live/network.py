@@ -243,7 +243,7 @@ def _close(robot_address: RobotAddress, session: zenoh.Session) -> None:
     """Close a session, even if a frozen process of the robot does not answer a dial.
 
     Zenoh waits for its dials, which end when their sockets are shut down. Those of sessions that stay open
-    cannot be told from them; so one that is not the last of the process is closed in the background.
+    are not known apart; so one that is not the last of the process is closed in the background.
     """
     _open_sessions.remove(session)
 
