@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 import click
 import msgspec
@@ -13,12 +13,10 @@ import msgspec
 from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.reporting import say
 from colony.cli.robot_options import (
-    connect_option,
-    reporting_connection_errors,
+    asking,
     robot_address_of,
-    robot_option,
     running_robot,
-    security_option,
+    running_robot_options,
 )
 from colony.runtime.kit.discovery import session_with
 from colony.text.wording import printable
@@ -26,8 +24,6 @@ from colony.text.wording import printable
 if TYPE_CHECKING:
     from colony.runtime.kit.connection import Connection
     from colony.runtime.library.leader import ReadVariable
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 SERVER = "DServer"
 PAGE = 1000
@@ -52,14 +48,9 @@ def command() -> None:
     """
 
 
-def _robot_options(function: F) -> F:
-    robot = robot_option("The robot; required if several run on this machine.")
-    return robot(connect_option()(security_option()(function)))
-
-
 @command.command(name="list", short_help="list the names of variables")
 @click.argument("prefix", default="")
-@_robot_options
+@running_robot_options
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
 def list_names(
     prefix: str, robot: str | None, connect: str | None, security: Path | None, format_: str
@@ -83,7 +74,7 @@ def list_names(
 
 @command.command(short_help="show the value of a variable")
 @click.argument("name")
-@_robot_options
+@running_robot_options
 def get(name: str, robot: str | None, connect: str | None, security: Path | None) -> None:
     """Show the value of the variable NAME as JSON: bytes in base64, infinities and NaN as null.
 
@@ -105,7 +96,7 @@ def get(name: str, robot: str | None, connect: str | None, security: Path | None
 @command.command(name="set", short_help="set a variable", context_settings={"ignore_unknown_options": True})
 @click.argument("name")
 @click.argument("value")
-@_robot_options
+@running_robot_options
 def set_value(name: str, value: str, robot: str | None, connect: str | None, security: Path | None) -> None:
     """Set the variable NAME to VALUE, which is JSON: quote text, and quote it again for the shell.
 
@@ -152,7 +143,7 @@ def _reads(robot: str | None, connect: str | None, security: Path | None) -> Ite
 
 @command.command(short_help="delete variables")
 @click.argument("names", metavar="NAME...", nargs=-1, required=True)
-@_robot_options
+@running_robot_options
 def delete(names: tuple[str, ...], robot: str | None, connect: str | None, security: Path | None) -> None:
     """Delete variables and their histories. This works even when DServer is full.
 
@@ -186,25 +177,13 @@ def _expect_names(names: Iterable[str]) -> None:
 
 @contextmanager
 def _dserver(robot: str | None, connect: str | None, security: Path | None) -> Iterator[Connection]:
-    """Open a connection to DServer, and report DServer's warnings.
-
-    A call that DServer refuses ends the command with one line and exit code 1.
-    """
-    from colony.runtime.kit.errors import CallRefusedError
+    """Open a connection to DServer, and report DServer's warnings."""
     from colony.runtime.library.ask import STATUS
 
-    with (
-        reporting_connection_errors(),
-        session_with(robot_address_of(running_robot(robot, connect, SERVER), connect, security)) as session,
-        session.connect(SERVER, name="colony data") as server,
-    ):
-        try:
-            for warning in server.do(STATUS).full:
-                say(f"colony: warning: {SERVER}: {printable(warning)}")
-            yield server
-        except CallRefusedError as problem:
-            say(f"colony: error: {problem.message}")
-            raise click.exceptions.Exit(EXIT_ERRORS) from None
+    with asking(robot, connect, security, SERVER, name="colony data") as server:
+        for warning in server.do(STATUS).full:
+            say(f"colony: warning: {SERVER}: {printable(warning)}")
+        yield server
 
 
 def _names(server: Connection, prefix: str) -> Iterator[str]:

@@ -2,32 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 import click
 
-from colony.cli.exit_codes import EXIT_ERRORS
 from colony.cli.outputs import write_whole
 from colony.cli.reporting import say
 from colony.cli.robot_choice import robot_and_description_option
-from colony.cli.robot_options import (
-    connect_option,
-    reporting_connection_errors,
-    robot_address_of,
-    robot_option,
-    running_robot,
-    security_option,
-)
+from colony.cli.robot_options import asking, connect_option, running_robot_options, security_option
 
 if TYPE_CHECKING:
     from colony.runtime.kit.connection import Connection
     from colony.runtime.library.clock import TunedParam
     from colony.runtime.protocol.deployment import Tunable
-
-F = TypeVar("F", bound=Callable[..., Any])
 
 CLOCK = "Clock"
 
@@ -50,11 +40,6 @@ def command() -> None:
       colony params reset
       colony params save site.toml
     """
-
-
-def _robot_options(function: F) -> F:
-    robot = robot_option("The robot; required if several run on this machine.")
-    return robot(connect_option()(security_option()(function)))
 
 
 @command.command(name="list", short_help="list tunable params with values and intervals")
@@ -88,7 +73,7 @@ def list_params(file: str | None, robot: str | None, connect: str | None, securi
 
 @command.command(short_help="show the value of a param")
 @click.argument("name")
-@_robot_options
+@running_robot_options
 def get(name: str, robot: str | None, connect: str | None, security: Path | None) -> None:
     """Show the value of the param NAME."""
     with _clock(robot, connect, security) as clock:
@@ -98,7 +83,7 @@ def get(name: str, robot: str | None, connect: str | None, security: Path | None
 
 @command.command(name="set", short_help="change params, all in one frame")
 @click.argument("values", metavar="NAME=VALUE...", nargs=-1, required=True)
-@_robot_options
+@running_robot_options
 def set_values(
     values: tuple[str, ...], robot: str | None, connect: str | None, security: Path | None
 ) -> None:
@@ -124,7 +109,7 @@ def set_values(
 
 @command.command(short_help="go back to the values at the start of the run")
 @click.argument("names", metavar="[NAME...]", nargs=-1)
-@_robot_options
+@running_robot_options
 def reset(names: tuple[str, ...], robot: str | None, connect: str | None, security: Path | None) -> None:
     """Go back to the values at the start of the run, of all params or of those named."""
     from colony.runtime.library import clock as library
@@ -138,7 +123,7 @@ def reset(names: tuple[str, ...], robot: str | None, connect: str | None, securi
 
 @command.command(short_help="write the values into a site's file")
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
-@_robot_options
+@running_robot_options
 def save(file: Path, robot: str | None, connect: str | None, security: Path | None) -> None:
     """Write the values of all params that were changed into FILE, TOML for --params.
 
@@ -198,19 +183,7 @@ def _tunables(clock: Connection) -> tuple[TunedParam, ...]:
     return clock.do(library.tunables())
 
 
-@contextmanager
-def _clock(robot: str | None, connect: str | None, security: Path | None) -> Iterator[Connection]:
-    """Open a connection to the Clock; a call that it refuses ends the command with exit code 1."""
-    from colony.runtime.kit.discovery import session_with
-    from colony.runtime.kit.errors import CallRefusedError
-
-    with (
-        reporting_connection_errors(),
-        session_with(robot_address_of(running_robot(robot, connect, CLOCK), connect, security)) as session,
-        session.connect(CLOCK, name="colony params") as clock,
-    ):
-        try:
-            yield clock
-        except CallRefusedError as problem:
-            say(f"colony: error: {problem.message}")
-            raise click.exceptions.Exit(EXIT_ERRORS) from None
+def _clock(
+    robot: str | None, connect: str | None, security: Path | None
+) -> AbstractContextManager[Connection]:
+    return asking(robot, connect, security, CLOCK, name="colony params")

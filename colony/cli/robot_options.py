@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from colony.cli.exit_codes import EXIT_MISUSE
+from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.reporting import say
 from colony.cli.robot_choice import check_robot_name
 
 if TYPE_CHECKING:
+    from colony.runtime.kit.connection import Connection
     from colony.runtime.transport.live.robot_address import RobotAddress
 
 F = TypeVar("F", bound=Callable[..., object])
@@ -96,6 +97,35 @@ def running_robot(robot: str | None, connect: str | None, server: str) -> str:
             f"several robots run on this machine: give --robot NAME; found {', '.join(names)}"
         )
     return names[0]
+
+
+def running_robot_options(function: F) -> F:
+    """Add the options of a command about a robot that runs: `--robot`, `--connect` and `--security`."""
+    robot = robot_option("The robot; required if several run on this machine.")
+    return robot(connect_option()(security_option()(function)))
+
+
+@contextmanager
+def asking(
+    robot: str | None, connect: str | None, security: Path | None, server: str, *, name: str
+) -> Iterator[Connection]:
+    """Open a connection, called `name`, to a server of a robot that runs.
+
+    A call that the server refuses ends the command with one line and exit code 1.
+    """
+    from colony.runtime.kit.discovery import session_with
+    from colony.runtime.kit.errors import CallRefusedError
+
+    with (
+        reporting_connection_errors(),
+        session_with(robot_address_of(running_robot(robot, connect, server), connect, security)) as session,
+        session.connect(server, name=name) as connection,
+    ):
+        try:
+            yield connection
+        except CallRefusedError as problem:
+            say(f"colony: error: {problem.message}")
+            raise click.exceptions.Exit(EXIT_ERRORS) from None
 
 
 @contextmanager

@@ -28,7 +28,7 @@ from colony.execute.code import (
     remapped,
     roots,
 )
-from colony.ir.program import sensors_in_base_units
+from colony.ir.program import Sensor, sensors_in_base_units
 
 ClientKey = tuple[str, str]
 """Actuator and module of a client; `BOUNDS` stands for a module in the client of the actuator's bounds."""
@@ -81,6 +81,18 @@ def needs_of_clients(code: Code) -> Mapping[ClientKey, ClientNeeds]:
             cells=tuple([i for i in used if i < first_sensor]),
         )
     return needs
+
+
+def sensors_without_default(code: Code) -> dict[ClientKey, tuple[Sensor, ...]]:
+    """Return, by client, the sensors that it reads and that are missing where no server gives a value.
+
+    Those with a default are not, nor is what an executor knows of its own last frame.
+    """
+    may_miss = {s.name: s for s in code.sensors if s.default is None and s.sent is None}
+    return {
+        key: tuple(may_miss[name] for name in needs.sensors if name in may_miss)
+        for key, needs in needs_of_clients(code).items()
+    }
 
 
 def python_modules(code: Code) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from typing import NoReturn
 from colony.analysis.audit import audit_recording
 from colony.analysis.recording import OpenRecording
 from colony.execute.compiled import Compiled
-from colony.execute.needs import needs_of_clients
+from colony.execute.needs import sensors_without_default
 from colony.experiment.design import Trial, compiled_of
 from colony.experiment.results import KEY_COLUMNS, Points, ResultTable, RunKey
 from colony.ir.program import Program
@@ -170,12 +170,8 @@ class _Blindness:
     """A sink that counts the frames in which a sensor that the program needs has no value. Mutable."""
 
     def __init__(self, compiled: Compiled) -> None:
-        needed = {name for needs in needs_of_clients(compiled.code).values() for name in needs.sensors}
-        self._needed = frozenset(
-            s.name
-            for s in compiled.robot.sensors
-            if s.name in needed and s.default is None and s.sent is None
-        )
+        read = sensors_without_default(compiled.code).values()
+        self._needed = frozenset(s.name for sensors in read for s in sensors)
         self.frames = 0
 
     def take(self, log: RunFrame) -> None:

@@ -372,7 +372,7 @@ class Ros2Connection:
         while not self._closed.is_set():
             is_ready = readable.poll(WAKE_S * 1000)
             if is_ready:
-                self._take(_received(ours), bridge)
+                self._take(received(ours), bridge)
             now_s = time.monotonic()
             if now_s - looped_s > ANSWER_S or not self._is_up:  # this process was frozen: its mail is old
                 self._life_s = read_s = now_s
@@ -493,12 +493,14 @@ class Ros2Connection:
         self._problems.report("", text if is_known else type(problem).__name__, full)
 
 
-def _received(ours: socket.socket) -> bytes:
-    """Return the next packet; an empty one at the end, even if the bridge left packets unread."""
-    try:
+def received(ours: socket.socket) -> bytes:
+    """Return the next packet; an empty one at the end.
+
+    If the bridge left packets unread, an error comes once, before what it had sent.
+    """
+    with suppress(ConnectionResetError):
         return ours.recv(MAX_PACKET_BYTES)
-    except ConnectionResetError:
-        return b""
+    return ours.recv(MAX_PACKET_BYTES)
 
 
 def _end(bridge: subprocess.Popen[bytes]) -> None:

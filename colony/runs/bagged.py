@@ -30,7 +30,7 @@ from colony.runtime.assembly.processes.jobs import RobotDevices
 from colony.runtime.assembly.processes.window import RecordingWindow
 from colony.runtime.assembly.shadow import Shadow
 from colony.runtime.kit.devices import DeviceReader
-from colony.runtime.kit.listening import BaseReader, ListeningReader
+from colony.runtime.kit.read_only import BaseReader, ListeningReader
 from colony.runtime.observe.comparison import ControllerComparison
 from colony.runtime.observe.summary import Tally
 from colony.runtime.protocol.bindings import bind, bound_servers

@@ -61,7 +61,7 @@ def run_in_building(
     other_paths = {other.name: PathSink(plant.world, path.floor, floors[0], other.number) for other in others}
     for remark in floors[0].remarks(radius_mm(described.body), plant.world.true_pose(0)):
         ui.report(remark)
-    tally, stillness = Tally(compiled), Stillness(compiled, ui.report)
+    tally, stillness = Tally(compiled), Stillness(compiled, ui.stands)
     session = VirtualSession(
         compiled,
         simulated_drivers(

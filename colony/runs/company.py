@@ -12,7 +12,7 @@ from pathlib import Path
 
 from colony.body.model import Body
 from colony.compile.pipeline import compile_program
-from colony.execute.needs import needs_of_clients
+from colony.execute.needs import sensors_without_default
 from colony.ir.frame import Frame, Outcome
 from colony.nav.maps.free_space import FreeSpace, NoRoomError
 from colony.nav.maps.world_map import WorldMap
@@ -140,10 +140,8 @@ class RunningRobot:
             seed=seed,
             given=scenario.value_at,
         )
-        needs = needs_of_clients(compile_program(other.program).compiled.code)
-        needed = {sensor for client in needs.values() for sensor in client.sensors}
-        without_default = {s.name for s in behavior.robot.sensors if s.default is None and s.sent is None}
-        self._unread = needed & without_default
+        read = sensors_without_default(compile_program(other.program).compiled.code).values()
+        self._unread = {s.name for sensors in read for s in sensors}
         try:
             self._loop = Loop(
                 behavior.robot,

@@ -111,6 +111,7 @@ class UserInterface:
             of the run in nanoseconds, or None if it is not fixed.
         operator: function that returns a script, which presses the buttons of a building's elevators.
         sinks: what else gets every frame, in the robot's own time.
+        stands: function that reports why nothing moves; by default nobody is interested.
     """
 
     report: Callable[[str], None]
@@ -118,6 +119,7 @@ class UserInterface:
     progress: Callable[[int | None], Sink]
     operator: Callable[[Building], Script]
     sinks: tuple[Sink, ...] = ()
+    stands: Callable[[str], None] = lambda line: None
 
 
 class MissionResult(NamedTuple):

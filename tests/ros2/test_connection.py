@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import struct
 import sys
 import time
@@ -16,7 +17,7 @@ import pytest
 
 from colony.ir.ros2_messages import STANDARD
 from colony.ros2.cdr import decode, encode, structure
-from colony.ros2.connection import NodeSettings, Ros2Connection
+from colony.ros2.connection import NodeSettings, Ros2Connection, received
 from colony.ros2.topics import CommandedTopic
 from tests.cli.machine import children_of
 from tests.ros2.ros import freeze
@@ -346,3 +347,12 @@ def test_another_type_than_a_twist_is_named(robot: Robot) -> None:
     robot.set(publishers=[["joy", "std_msgs/msg/Bool"]])
     heard = robot.connect().hear("cmd_vel", "auto")
     until(lambda: "`/joy` publishes /cmd_vel as std_msgs/msg/Bool" in (heard.problem or ""), "it is named")
+
+
+def test_the_last_packets_of_a_bridge_that_left_some_unread_are_read() -> None:
+    ours, bridge = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with ours:
+        ours.send(b"unread")
+        bridge.send(b"why it ends")
+        bridge.close()
+        assert [received(ours), received(ours)] == [b"why it ends", b""]

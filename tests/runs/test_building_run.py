@@ -108,6 +108,20 @@ def test_whoever_attends_a_run_may_end_it() -> None:
     assert driven.summary.frames == watcher.frames == 5
 
 
+def test_why_a_robot_stands_is_reported_to_whom_it_interests_alone(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Experiments keep the first report of a run as its remark; a robot that rests is none."""
+    module = "module m { when true do drive(velocity = 0, turn = 0) }"
+    stand = f"language 1\nimport robot\n{module}\nnetwork {{ drive = m }}"
+    compiled, lines = compile_program(load_text(stand, robot="rome")).compiled, list[str]()
+    described, ui = described_robot(compiled.robot), Watcher(10_000).ui
+    run_in_building(compiled, described, spec(), ui)
+    assert capsys.readouterr().out == ""
+    run_in_building(compiled, described, spec(), replace(ui, stands=lines.append))
+    assert lines == ["nothing moves: `m` commands it to stand, or a limit holds it at 0"]
+
+
 def test_a_recording_that_cannot_be_written_is_misuse(tmp_path: Path) -> None:
     with pytest.raises(MisuseError, match=r"gone/run\.jsonl: error: cannot write: No such file or directory"):
         driven_by(wander(), spec(tmp_path / "gone" / "run.jsonl"), Watcher(5))

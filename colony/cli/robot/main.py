@@ -6,13 +6,11 @@ from importlib.resources import files
 
 import click
 
-from colony.cli.outputs import cannot_write, write_whole
 from colony.cli.robot.check import check_command
 from colony.cli.robot.graph.command import import_command
-from colony.cli.robot.names import FOLDER, expect_free, robot_name
+from colony.cli.robot.names import FOLDER, expect_free, robot_name, write_description
 from colony.cli.robot.show import show_command
 from colony.cli.robot.test import test_command
-from colony.files import reason
 
 # --- new -----------------------------------------------------------------------------------------------
 #
@@ -43,12 +41,7 @@ def new_command(name: str) -> None:
     folder = FOLDER / name
     paths = {suffix: folder / f"{name}{suffix}" for suffix in SUFFIXES}
     expect_free((*paths.values(), FOLDER / f"{name}.colony"))
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        cannot_write(folder, reason(problem))
-    for suffix, path in paths.items():
-        write_whole(path, texts[suffix])
+    write_description({path: texts[suffix] for suffix, path in paths.items()})
     written = " and ".join(str(path) for path in paths.values())
     click.echo(f"wrote {written}; try: colony robot check {name}")
 

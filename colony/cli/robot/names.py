@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import click
 
-from colony.cli.outputs import cannot_write
+from colony.cli.outputs import cannot_write, write_whole
+from colony.files import reason
 from colony.shipped import Shipped
 
 FOLDER = Path("robots")
@@ -37,3 +38,13 @@ def expect_free(paths: Iterable[Path]) -> None:
     for path in paths:
         if path.exists() or path.is_symlink():
             cannot_write(path, "it exists already")
+
+
+def write_description(texts: Mapping[Path, str]) -> None:
+    """Write the files of a robot, by path, into its new folder; exit with 2 if one cannot be written."""
+    for path, text in texts.items():
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as problem:
+            cannot_write(path.parent, reason(problem))
+        write_whole(path, text)

@@ -32,7 +32,7 @@ def _operator(building: Building) -> Script:
 
 
 TERMINAL_INTERFACE = UserInterface(
-    report=say, interruptible=interruptible, progress=RunProgress, operator=_operator
+    report=say, interruptible=interruptible, progress=RunProgress, operator=_operator, stands=say
 )
 """The interface at the terminal: events go to standard error, and Ctrl-C ends the run."""
 

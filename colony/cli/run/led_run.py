@@ -94,7 +94,7 @@ class LedRun:
             servers=bound_servers(compiled.robot),
         )
         self._tally = Tally(compiled)
-        self._stillness = Stillness(compiled, ui.report)
+        self._stillness = Stillness(compiled, ui.stands)
         self._status_tracker = RunStatusTracker(
             self._deployed,
             file=os.path.abspath(spec.file),

@@ -382,18 +382,18 @@ class FrameAssembler:
 
     def _assemble(self, tick: Tick, frames: Mapping[str, ServerFrame]) -> Frame:
         readings: dict[str, Reading] = {}
+        convert = SensorBinding.in_declared_units if self._declared_units else SensorBinding.in_base_units
         for b in self._bindings:
             frame = frames.get(b.server)
             sample = None if frame is None else frame.fields.get(b.field)
             if sample is not None and b.is_fresh(sample.t_ns, tick.t_ns):
-                convert = b.in_declared_units if self._declared_units else b.in_base_units
-                readings[b.sensor] = convert(sample.value)
+                readings[b.sensor] = convert(b, sample.value)
             elif b.sent:
                 readings[b.sensor] = None  # an executor would put what it sent itself in its place
         for b in self._tunables if tick.tuned else ():
             value = tick.tuned.get(b.field)
             if value is not None:
-                readings[b.sensor] = value if self._declared_units else b.in_base_units(value)
+                readings[b.sensor] = convert(b, value)
         return Frame(tick.t_ns, readings, restarted=tick.restarted)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 
 from colony.execute.compiled import Compiled
-from colony.execute.needs import BOUNDS, needs_of_clients
+from colony.execute.needs import BOUNDS, sensors_without_default
 from colony.ir.program import Sensor
 from colony.ir.types import is_rate
 from colony.runtime.frames.run_frame import RunFrame
@@ -49,11 +49,7 @@ class Stillness:
         }
         self._servers = {a.name: a.server for a in robot.actuators}
         self._limited = frozenset(limited_actuators(compiled))
-        without_default = {s.name: s for s in robot.sensors if s.default is None}
-        self._needed = {
-            key: tuple(without_default[name] for name in needs.sensors if name in without_default)
-            for key, needs in needs_of_clients(compiled.code).items()
-        }
+        self._needed = sensors_without_default(compiled.code)
         self._unread = {s.name for sensors in self._needed.values() for s in sensors}
         self._report = report
         self._reported: set[str] = set()

@@ -121,6 +121,13 @@ def test_sensors_without_a_value_are_listed_but_for_those_with_a_default() -> No
     assert watched.stillness.unread == ("near",)
 
 
+def test_what_an_actuator_was_given_is_no_sensor_that_lacks_a_value() -> None:
+    reading = TEXT.replace("when far < 1 m", "when far < 1 m and last.lamp.level > 0")
+    lamp = "module c { when true do lamp(level = 1) }\nnetwork { lamp = c }\n"
+    watched = Watched(reading.replace("network {", "network { ") + lamp)
+    assert watched.stillness.unread == ("far", "near")
+
+
 def test_another_cause_is_another_line() -> None:
     watched = Watched()
     watched.rest()

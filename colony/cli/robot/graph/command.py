@@ -9,10 +9,8 @@ from typing import Any, NoReturn
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS
-from colony.cli.outputs import cannot_write, write_whole
 from colony.cli.reporting import say
-from colony.cli.robot.names import FOLDER, expect_free, robot_name
-from colony.files import reason
+from colony.cli.robot.names import FOLDER, expect_free, robot_name, write_description
 
 MAX_LISTED = 20
 """Maximum number of unused topics that are printed; the interface lists all."""
@@ -90,12 +88,7 @@ def ros2_command(
         found = counted(len(topics), "topic")
         _fail(f"no robot in {where}: found {found}, and neither a twist, an odometry nor a sensor among them")
     texts = {".colony": interface_text(chosen, name), ".toml": body_text(chosen, name, node)}
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as problem:
-        cannot_write(folder, reason(problem))
-    for suffix, path in paths.items():
-        write_whole(path, texts[suffix])
+    write_description({path: texts[suffix] for suffix, path in paths.items()})
     described = name if options["folder"] == FOLDER else paths[".colony"]
     click.echo(f"wrote {' and '.join(map(str, paths.values()))}; try: colony robot check {described}")
     click.echo(f"uses {', '.join(chosen.relative(topic) for topic in chosen.used)}")

@@ -19,7 +19,7 @@ RADIUS_MM = 250.0
 """The radius of a hull that no URDF describes."""
 
 CLEARANCE_MM, REACTION_S = 100.0, 1.0
-"""What is left between hull and echo, and the time in which the robot comes as far as at full speed."""
+"""Distance that a limit keeps between hull and echo, and time in which the robot may use up the rest."""
 
 NICE_MS = (200, 300, 500, 1000, 2000, 3000, 5000, 10_000, 30_000, 60_000)
 """The values of `within` in ms."""

@@ -141,7 +141,7 @@ def _hardware_server(
         device_driver,
         load_driver,
     )
-    from colony.runtime.kit.listening import BaseReader, listening_server
+    from colony.runtime.kit.read_only import BaseReader, listening_server
 
     driver = load_driver(hardware, robot_address)
     match part:

@@ -11,7 +11,7 @@ from colony.ir.types import BOOL, DIMENSIONLESS
 from colony.ir.types import ScalarValue as Scalar
 from colony.runtime.kit.description import describe
 from colony.runtime.kit.devices import DeviceReader
-from colony.runtime.kit.listening import listening_server
+from colony.runtime.kit.read_only import listening_server
 from colony.runtime.library.actuator import arbitration
 from colony.runtime.library.clock import deploy
 from colony.runtime.protocol.deployment import READ_ONLY
