@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.cli.conftest import Colony
-from tests.cli.machine import MAP, ROBOT, Machine, failed
+from tests.cli.machine import MAP, ROBOT, Machine, failed, status
 from tests.paths import ROBOTS, ROOT
 from tests.sampling import sampled
 from tests.waiting import until
@@ -57,6 +57,9 @@ def test_a_robot_of_another_kind_drives_and_decides_as_the_interpreter_does(
         return truth is not None and truth.distance > FAR_ENOUGH_MM
 
     until(lambda: failed(run) or is_far_enough(), "the robot has driven")
+    # On a busy machine the robot drives before the leader hears of frames.
+    with machine.session() as session:
+        until(lambda: (found := status(session)) is not None and found.frames > 0, "frames are recorded")
     assert run.interrupt() == 130, run.err
     audited = colony("audit", run.folder / "run.mcap", "--format", "json")
     assert audited.code == 0, audited.out + audited.err
