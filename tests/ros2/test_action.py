@@ -356,6 +356,22 @@ def test_a_goal_without_an_answer_is_sent_again(stage: Stage) -> None:
     assert first.goal_id.uuid != second.goal_id.uuid
 
 
+def test_a_server_that_is_slow_to_accept_keeps_a_goal(stage: Stage) -> None:
+    stage.decide(1)
+    slow_ns, sent_ns = 5 * SEND_AGAIN_NS, [0]
+    requests = stage.server.clients["send_goal"].requests
+    while stage.reports[-1] != (1, "executing"):
+        stage.now_ns += SEND_AGAIN_NS // 2
+        assert stage.now_ns < 10 * slow_ns
+        stage.decide(1)
+        stage.look()
+        sent_ns += [stage.now_ns] * (len(requests) - len(sent_ns))
+        for (_, waiting), t_ns in zip(list(requests), sent_ns, strict=True):
+            if stage.now_ns - t_ns == slow_ns:
+                waiting.answer(accepted=True)
+    assert len(requests) <= 4
+
+
 def test_a_goal_that_the_type_cannot_have_is_rejected(
     stage: Stage, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -32,7 +32,12 @@ PREEMPT_NS = 1_000_000_000
 
 CANCEL_AGAIN_NS = 500_000_000
 SEND_AGAIN_NS = 3_000_000_000
-"""Time without an answer after which a cancellation, or a goal, is sent again."""
+"""Time without an answer after which a cancellation, or a goal, is sent again.
+
+A goal waits twice as long each time, so that a server that is slow to accept goals keeps one.
+"""
+
+MAX_SEND_AGAIN_NS = 60_000_000_000
 
 SENT, EXECUTING, REJECTED, LOST, IDLE = "sent", "executing", "rejected", "lost", "idle"
 STATES = {1: EXECUTING, 2: EXECUTING, 3: EXECUTING, 4: "succeeded", 5: "canceled", 6: "aborted"}
@@ -58,6 +63,7 @@ class SentGoal:
         self.wanted = wanted
         self.id = b""
         self.state = LOST
+        self.patience_ns = SEND_AGAIN_NS
         self.accepted_ns: int | None = None
         self.is_listed = False  # it was in a message of the topic `status`
 
@@ -212,10 +218,11 @@ class OutputAction:
             self.set_state(goal, LOST if self.error else SENT)
         if self.error:
             return
-        if self.sending and self.clock() - self.sent_ns >= SEND_AGAIN_NS:
+        patience_ns = goal.patience_ns if goal is not None and goal.id == self.sending else SEND_AGAIN_NS
+        if self.sending and self.clock() - self.sent_ns >= patience_ns:
             unanswered, self.sending = self.sending, b""
             if goal is not None and goal.id == unanswered:
-                goal.id = b""
+                goal.id, goal.patience_ns = b"", min(2 * goal.patience_ns, MAX_SEND_AGAIN_NS)
         goal = self.goal
         if goal is not None and not goal.id and not self.sending and not goal.has_ended:
             self.send(goal)
