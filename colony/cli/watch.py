@@ -58,6 +58,7 @@ CLOSING = "closing the page"
 @connect_option()
 @security_option()
 @click.option("--allow-stop", is_flag=True, help="Let the page stop the robot in an emergency.")
+@click.option("--allow-tuning", is_flag=True, help="Let the page change tunable params.")
 def command(
     recording: str | None,
     behavior: str | None,
@@ -68,6 +69,7 @@ def command(
     connect: str | None,
     security: Path | None,
     allow_stop: bool,
+    allow_tuning: bool,
 ) -> None:
     """Show a run in the browser: the network with its live wires, every module and its state, sensors,
     commands against their limits, the map and the path, contracts, and late or lost clients.
@@ -75,8 +77,8 @@ def command(
     A recording can be played at any speed, and searched for the next change of winner, broken contract,
     fault, or late client. With --robot the page shows a robot that runs, as it runs, and lets you look back;
     while no program runs, it shows what the robot senses and is sent. Watching commands nothing,
-    unless you give --allow-stop and press the button. Behind a gateway you need the right to read, and for
-    the button the right to stop.
+    unless you give --allow-stop and press the button, or --allow-tuning and move a slider. Behind a gateway
+    you need the right to read, for the button the right to stop, and for sliders the right to command.
 
     The page listens on this machine alone, and its address ends in a token, without which it shows nothing.
     The token stays the same, so that a page reconnects to the next `colony watch`. When the robot runs
@@ -93,7 +95,8 @@ def command(
     context = click.get_current_context()
     if recording is None and robot is None:
         raise click.UsageError("give a RECORDING, or --robot NAME", context)
-    live = {"--connect": connect, "--security": security, "--allow-stop": allow_stop or None}
+    rights = {"--allow-stop": allow_stop or None, "--allow-tuning": allow_tuning or None}
+    live = {"--connect": connect, "--security": security} | rights
     given = [name for name, value in live.items() if value is not None]
     if recording is not None and given:
         raise click.UsageError(f"{given[0]} is for a robot that runs, not for a recording", context)
@@ -108,7 +111,15 @@ def command(
             assert robot is not None
             with reporting_connection_errors():
                 robot_address = robot_address_of(robot, connect, security)
-            _watch_live(robot, robot_address, map_path, port=port, opens=opens, may_stop=allow_stop)
+            _watch_live(
+                robot,
+                robot_address,
+                map_path,
+                port=port,
+                opens=opens,
+                may_stop=allow_stop,
+                may_tune=allow_tuning,
+            )
 
 
 def _recorded(recording: str, behavior: str | None, map_path: str | None, resources: ExitStack) -> Watched:
@@ -143,6 +154,7 @@ def _watch_live(
     port: int | None,
     opens: bool,
     may_stop: bool,
+    may_tune: bool,
 ) -> None:
     """Show the run of a robot, or the robot without one, and what follows, until interrupted."""
     from colony.files import reason
@@ -160,6 +172,7 @@ def _watch_live(
             description=lambda interface: served_program(interface, choice),
             scene_for=lambda program, title: scene_for(program, title, map_path, robot),
             may_stop=may_stop,
+            may_tune=may_tune,
         )
 
     with ExitStack() as resources:

@@ -32,7 +32,7 @@ from colony.runtime.protocol.topics import CLOCK
 from colony.runtime.transport.live.robot_address import RobotAddress
 from colony.runtime.transport.live.run_directory import LiveError
 from colony.text.diagnostics import DiagnosticError, headline
-from colony.watch.asking import Asker, asking_robot, installed_finder
+from colony.watch.asking import ANSWER_TIMEOUT_S, Asker, asking_robot, installed_finder
 from colony.watch.joining import WATCHER, joined_program, listening, observing, read_program
 from colony.watch.scene import PageScene, shown_states
 from colony.watch.sources import SILENCE_S, STORE_BYTES, LiveSource, noting_silence
@@ -180,6 +180,22 @@ def _press(button: StopButton) -> StopAnswer:
     return StopAnswer(is_kept=False, text=f"stop sent, but: {problems}")
 
 
+# --- tuning --------------------------------------------------------------------------------------------
+
+
+def tuner(session: Session) -> Callable[[str, float], str]:
+    """Return the function by which a page gives a tunable param a value."""
+
+    def tune(param: str, value: float) -> str:
+        try:
+            with session.connect(CLOCK, name="colony watch", timeout_s=ANSWER_TIMEOUT_S) as connection:
+                return f"{param} is in force from frame {connection.do(clock.tune({param: value}))}"
+        except RobotConnectionError as problem:
+            return f"{param} is not changed: {problem}"
+
+    return tune
+
+
 # --- joined run ----------------------------------------------------------------------------------------
 
 
@@ -210,6 +226,7 @@ def joined_run(
     description: Callable[[Interface], Program],
     scene_for: Callable[[Program, str], PageScene],
     may_stop: bool,
+    may_tune: bool,
 ) -> Iterator[JoinedRun]:
     """Watch the run of a robot, or the robot alone if it runs no program, as long as the context lasts.
 
@@ -220,6 +237,7 @@ def joined_run(
             `served_program`.
         scene_for: returns the scene of a program, with a title.
         may_stop: True if pages may stop the robot.
+        may_tune: True if pages may change tunable params.
 
     Raises:
         LiveError, RobotConnectionError: the robot cannot be joined, or runs no program and its description is
@@ -253,7 +271,13 @@ def joined_run(
         asker = Asker(lambda: asking_robot(session, find))
         resources.callback(asker.close)
         watched = Watched(
-            scene=scene, store=store, is_live=True, explain=trail.explain, stop=stop, asker=asker
+            scene=scene,
+            store=store,
+            is_live=True,
+            explain=trail.explain,
+            stop=stop,
+            tune=tuner(session) if may_tune else None,
+            asker=asker,
         )
         yield JoinedRun(identity=_identity(found), watched=watched, source=source)
 

@@ -30,8 +30,11 @@ from colony.ir.types import (
 from colony.ir.walk import all_subexpressions
 from colony.view.graph.svg import to_live_svg
 
-SensorKind = Literal["polar", "row", "strip", "lamp", "word"]
-"""The way a sensor is drawn: around the robot, as a row of elements, over time, as a lamp, or as a word."""
+SensorKind = Literal["polar", "row", "strip", "slider", "lamp", "word"]
+"""The way a sensor is drawn: around the robot, as a row of elements, over time, as a lamp, or as a word.
+
+A tunable param is a slider.
+"""
 
 _MM_PER_M = 1000.0
 
@@ -258,7 +261,7 @@ def _kind(sensor: Sensor) -> SensorKind:
         case Enum():
             return "word"
         case Quantity():
-            return "strip"
+            return "slider" if sensor.tunable else "strip"
         case _:
             assert_never(sensor.type)
 

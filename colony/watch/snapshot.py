@@ -20,6 +20,7 @@ from colony.ir.program import Actuator, Program, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.ir.walk import wiring_graph
 from colony.runtime.frames.run_frame import HeardCommand, RunFrame
+from colony.runtime.protocol.deployment import tunables_of
 from colony.runtime.protocol.messages import Fate, Tick, Verdict
 from colony.verify.reference.interpreter import Interpreter
 from colony.watch.scene import SensorScene, pose_sensors, scene_of, shown_sensors, shown_states
@@ -122,6 +123,7 @@ class SnapshotMaker:
         self._paths = {window_cell(n.path[0], n.path[1:]): n.path for n in wiring_graph(program).nodes}
         self._sensors = scene_of(program, "", ()).sensors
         self._shown = shown_sensors(program)
+        self._initial = {t.name: t.initial for t in tunables_of(program.robot)}
         self._pose = pose_sensors(program)
         self._actuators = {m.name: m.actuator for m in program.modules}
 
@@ -135,7 +137,7 @@ class SnapshotMaker:
         """
         program, frame = self._program, observed.frame
         outputs = () if interpreter is None else tuple(self._outputs(interpreter))
-        readings = [frame.readings.get(s.name) for s in self._shown]
+        readings = [frame.readings.get(s.name, self._initial.get(s.name)) for s in self._shown]
         stale = tuple(
             i
             for i, (s, reading) in enumerate(zip(self._shown, readings, strict=True))

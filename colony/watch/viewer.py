@@ -172,7 +172,14 @@ class Stop(_Request, frozen=True, kw_only=True):
     """Stop the robot in an emergency."""
 
 
-Request = Play | Pause | Seek | StepFrames | Jump | Follow | AskWhy | Stop
+class TuneParam(_Request, frozen=True, kw_only=True, tag="tune"):
+    """Give a tunable param a value in its declared unit."""
+
+    param: Name
+    value: float
+
+
+Request = Play | Pause | Seek | StepFrames | Jump | Follow | AskWhy | Stop | TuneParam
 
 _decoder: msgspec.json.Decoder[Request] = msgspec.json.Decoder(Request)
 
@@ -221,6 +228,8 @@ class Viewer:
         self._changed = asyncio.Event()
         self._asked: AskWhy | None = None
         self._is_asked = asyncio.Event()
+        self._tuned: TuneParam | None = None
+        self._is_tuned = asyncio.Event()
         self._shown: int | None = None
         self._shown_s = 0.0
         self._state: object = None
@@ -236,9 +245,12 @@ class Viewer:
             live=watched.is_live,
             may_stop=watched.stop is not None,
             may_ask=watched.explain is not None,
+            may_tune=watched.tune is not None,
         )
         with nullcontext() if watched.asker is None else watched.asker.page():
-            await _first_of(self._show(), self._receive(), self._answer(), _until_replaced(is_shown))
+            await _first_of(
+                self._show(), self._receive(), self._answer(), self._tune(), _until_replaced(is_shown)
+            )
 
     async def _send(self, **members: Any) -> None:
         await self._socket.send_text(_encode(members).decode())
@@ -329,6 +341,9 @@ class Viewer:
                 self._is_asked.set()
             case Stop():
                 await self._stop()
+            case TuneParam():
+                self._tuned = request
+                self._is_tuned.set()
             case _:
                 assert_never(request)
 
@@ -352,6 +367,18 @@ class Viewer:
             await self._send(refused="this page may not stop the robot")
             return
         await self._send(stop=await run_in_threadpool(stop))
+
+    async def _tune(self) -> None:
+        """Give params their values; no other request waits for the robot, above all no stop."""
+        tune = self._watched.tune
+        while True:
+            await self._is_tuned.wait()
+            self._is_tuned.clear()
+            assert self._tuned is not None
+            if tune is None:
+                await self._send(refused="this page may not change params")
+                continue
+            await self._send(tuned=await run_in_threadpool(tune, self._tuned.param, self._tuned.value))
 
 
 async def _until_replaced(is_shown: Callable[[], bool]) -> None:

@@ -192,6 +192,19 @@ def test_the_stop_is_pressed_by_who_may() -> None:
     assert pressed == [True]
 
 
+def test_params_are_changed_by_who_may() -> None:
+    with recorded() as watched:
+        with served(watched) as server, page(server.host) as opened:
+            assert not opened.until(lambda m: "scene" in m)["may_tune"]
+            opened.ask(do="tune", param="clearance", value=1.0)
+            assert opened.until(lambda m: "refused" in m)["refused"] == "this page may not change params"
+        tuning = replace(watched, tune=lambda param, value: f"{param} is {value}")
+        with served(tuning) as server, page(server.host) as opened:
+            assert opened.until(lambda m: "scene" in m)["may_tune"]
+            opened.ask(do="tune", param="clearance", value=1)
+            assert opened.until(lambda m: "tuned" in m)["tuned"] == "clearance is 1.0"
+
+
 @pytest.mark.parametrize("sent", ["nothing", "half a request", "a handshake without a proof"])
 def test_connections_beyond_the_limit_close_the_oldest_but_no_page(sent: str) -> None:
     def stop() -> StopAnswer:

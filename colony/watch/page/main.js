@@ -45,10 +45,11 @@ function receive(message) {
   if (message.answer) showAnswer(message.answer);
   if (message.refused) say(message.refused);
   if (message.stop) say(message.stop.text);
+  if (message.tuned) say(message.tuned);
   showMode();
 }
 
-function setUp({ scene, live, may_stop, may_ask }) {
+function setUp({ scene, live, may_stop, may_ask, may_tune }) {
   const chosen = page.network?.chosen;
   if (page.scene && page.scene.title !== scene.title) say(scene.is_idle ? scene.title : `${scene.title} follows`);
   page.scene = scene;
@@ -64,7 +65,8 @@ function setUp({ scene, live, may_stop, may_ask }) {
   $("follow").hidden = !live;
   $("network").hidden = scene.is_idle;
   page.network = new Network($("network"), $("zoom"), scene, choose);
-  page.sensors = new Sensors({ polars: $("polars"), lamps: $("lamps"), strips: $("strips") }, scene);
+  page.sensors = new Sensors({ polars: $("polars"), lamps: $("lamps"), strips: $("strips") }, scene,
+    may_tune ? (param, value) => send({ do: "tune", param, value }) : null);
   page.cameras = new Cameras($("cameras"));
   page.map = page.map ?? new WorldMap($("map"));
   page.map.load(scene);

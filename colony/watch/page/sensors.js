@@ -4,11 +4,13 @@ import { palette, Surface, element, number, setClass, setText } from "./drawing.
 import { Polar } from "./polar.js";
 
 const SPAN_S = 20;
+const HELD_MS = 1000;
 
 export class Sensors {
-  constructor(hosts, scene) {
+  /** `tune(name, value)` changes a tunable param; null where it cannot be changed. */
+  constructor(hosts, scene, tune) {
     this.hosts = hosts;
-    this.views = scene.sensors.map((sensor) => view(sensor));
+    this.views = scene.sensors.map((sensor) => view(sensor, tune));
     this.scene = scene;
     for (const host of Object.values(hosts)) host.replaceChildren();
   }
@@ -34,12 +36,14 @@ export class Sensors {
   }
 }
 
-function view(sensor) {
+function view(sensor, tune) {
   switch (sensor.kind) {
     case "polar": {
       const polar = new Polar(sensor);
       return { place: "polars", node: polar.figure, show: (value, isStale) => polar.show(value, isStale) };
     }
+    case "slider":
+      return new Slider(sensor, tune);
     case "strip":
       return new Strip(sensor);
     case "lamp":
@@ -78,6 +82,37 @@ class Text {
     const list = Array.isArray(value) ? value.slice(0, 6).map(word).join(" ") : value === null ? "missing" : word(value);
     setText(this.output, `${list} ${words.length ? "" : unit}`);
     setClass(this.node, value === null || isStale ? "strip missing" : "strip");
+  }
+}
+
+/** A tunable param within its interval. The value of the frame is shown, but not while a hand is on the slider. */
+class Slider {
+  place = "strips";
+
+  constructor({ name, low, high, unit }, tune) {
+    this.unit = unit;
+    const step = 10 ** Math.floor(Math.log10(Math.max(high - low, 1e-6) / 50));
+    this.input = element("input", { type: "range", min: low, max: high, step, "aria-label": name });
+    this.input.disabled = !tune;
+    this.input.addEventListener("input", () => this.hold());
+    this.input.addEventListener("change", () => tune(name, this.input.valueAsNumber));
+    this.output = element("output", { "aria-live": "off" });
+    this.node = element("div", { class: "strip" }, element("span", { title: name }, name), this.input, this.output);
+  }
+
+  hold() {
+    this.heldUntil = performance.now() + HELD_MS;
+    this.write(this.input.valueAsNumber);
+  }
+
+  show(value) {
+    if (value === null || performance.now() < this.heldUntil) return;
+    this.input.value = value;
+    this.write(value);
+  }
+
+  write(value) {
+    setText(this.output, `${number(value)} ${this.unit}`);
   }
 }
 

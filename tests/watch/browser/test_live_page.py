@@ -82,6 +82,32 @@ def test_the_page_follows_the_robot_into_its_next_run(machine: Machine, browser:
     assert not server.ended()
 
 
+TUNABLE = """language 1
+import robot
+tunable param roaming = 0.1 m/s in 0 m/s .. 0.5 m/s
+module roam { when true do drive(velocity = roaming, turn = 0) }
+network { drive = roam }
+"""
+
+
+def test_a_slider_changes_a_tunable_param(machine: Machine, browser: Browser, tmp_path: Path) -> None:
+    behavior = tmp_path / "roam.colony"
+    behavior.write_text(TUNABLE)
+    drive = ("--robot", "rome", "--map", MAP, "--processes", "--no-picture", "--duration", "1000")
+    run = machine.start("run", str(behavior), *drive)
+    until(lambda: run.ended() or machine.moves(), "the robot drives")
+    for options, is_free in (((), False), (("--allow-tuning",), True)):
+        server = machine.start("watch", "--robot", ROBOT, "--port", "0", *options)
+        until(lambda server=server: failed(server) or "http" in server.out, "the page is served")
+        browser.open(server.out.split()[-1])
+        until(lambda: browser.text(".strip input + output") == "0.100 m/s", "its value is shown")
+        assert browser.run("return document.querySelector('.strip input').disabled") is not is_free
+    browser.click(".strip input")  # in the middle
+    until(lambda: browser.text("#message").startswith("roaming is in force from frame "), "it is in force")
+    until(lambda: browser.text(".strip input + output") == "0.250 m/s", "frames have the value")
+    until(lambda: (truth := machine.truth()) is not None and truth.velocity > 200.0, "the robot is faster")
+
+
 def test_the_page_says_that_no_program_runs_until_one_does(machine: Machine, browser: Browser) -> None:
     servers = machine.start("serve", "all", "--robot", ROBOT, "--map", MAP)
     until(lambda: servers.ended() or machine.stands(), "the robot is there")
