@@ -59,7 +59,7 @@ QUICK: dict[str, dict[str, Any]] = {
     },
     "load": {"ROUNDS": 1, "FRAMES": 5, "WARM_UP": 1, "BEHAVIORS": ("wander",)},
     "reading_to_motion": {"EVENTS": 2},
-    "stops_on_wire": {"ROUNDS": 1, "WATCHED_S": 0.2},
+    "stops_on_wire": {"ROUNDS": 1, "WATCHED_S": 0.2, "PRESSES": 3},
     "one_line": {"SECONDS": 1.0, "SETTLE_S": 1.0},
     "bag": {"SECONDS": 2.0},
     "experiment": {"RUNS": 2, "SINGLE_RUNS": 1, "DURATION_S": 1},

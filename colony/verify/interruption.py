@@ -80,10 +80,13 @@ class _InterruptResender:
 def _is_interrupt(problem: BaseException | None) -> bool:
     """Return True for Ctrl-C, also for one that came while ctypes converted an argument for z3.
 
-    ctypes raises that one as an ArgumentError, which names it in its text alone.
+    ctypes raises that one as an ArgumentError, which names it in its text alone. z3, interrupted between two
+    queries, raises "canceled" with the next call.
     """
     if isinstance(problem, ctypes.ArgumentError):
         return KeyboardInterrupt.__name__ in str(problem)
+    if type(problem).__name__ == "Z3Exception":
+        return "canceled" in str(problem)
     return isinstance(problem, KeyboardInterrupt)
 
 
@@ -93,8 +96,8 @@ def _is_half_made(lost: UnraisableHookArgs) -> bool:
 
 
 @contextmanager
-def _z3_interruptible() -> Iterator[None]:
-    """Interrupt z3 on SIGINT, in place of z3's own handler.
+def _z3_interruptible() -> Iterator[threading.Event]:
+    """Interrupt z3 on SIGINT, in place of z3's own handler; the value is set once that has begun.
 
     z3 replaces the handler of SIGINT during a check, and loses a Ctrl-C that arrives as the check ends.
     Python's handler loses none, but cannot run before the check ends. So the signal wakes a thread, which
@@ -104,7 +107,7 @@ def _z3_interruptible() -> Iterator[None]:
 
     receiver, sender = socket.socketpair()
     sender.setblocking(False)
-    handled, is_over = threading.Event(), threading.Event()
+    begun, handled, is_over = threading.Event(), threading.Event(), threading.Event()
     previous_handler = signal.getsignal(signal.SIGINT)
 
     def handle(signal_number: int, frame: FrameType | None) -> None:
@@ -118,6 +121,7 @@ def _z3_interruptible() -> Iterator[None]:
                 is_over.is_set() or handled.wait(_INTERRUPT_INTERVAL_S)
             ):
                 for context in _CONTEXTS or [z3.main_ctx()]:
+                    begun.set()
                     with suppress(z3.Z3Exception):  # "canceled", of an earlier interrupt that took hold
                         context.interrupt()
             handled.clear()
@@ -135,26 +139,26 @@ def _z3_interruptible() -> Iterator[None]:
         cleanup.callback(signal.signal, signal.SIGINT, previous_handler)
         fd = signal.set_wakeup_fd(sender.fileno(), warn_on_full_buffer=False)
         cleanup.callback(signal.set_wakeup_fd, fd)
-        yield
+        yield begun
 
 
 @contextmanager
 def reliable_interrupts() -> Iterator[None]:
     """Turn every Ctrl-C into a KeyboardInterrupt in the main thread, if need be with a short delay.
 
-    If it arrives while ctypes converts an argument for z3, ctypes raises an ArgumentError, which names the
-    KeyboardInterrupt only in its text.
+    ctypes and z3 raise exceptions of their own in its place; see `_is_interrupt`.
     """
     previous_hook, resender = sys.unraisablehook, _InterruptResender()
     sys.unraisablehook = resender.hook
+    begun = threading.Event()
     try:
-        with _z3_interruptible() if installed("z3") else nullcontext():
+        with _z3_interruptible() if installed("z3") else nullcontext(begun) as begun:
             yield
     except KeyboardInterrupt as problem:
         traceback.clear_frames(problem.__traceback__)  # what is half made is deleted while the hook is ours
         raise
-    except ctypes.ArgumentError as problem:
-        if not _is_interrupt(problem):
+    except Exception as problem:
+        if not (_is_interrupt(problem) and (begun.is_set() or isinstance(problem, ctypes.ArgumentError))):
             raise
         raise KeyboardInterrupt from None
     finally:

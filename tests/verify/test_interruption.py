@@ -126,6 +126,29 @@ def test_what_else_python_forgets_is_told_as_before(monkeypatch: pytest.MonkeyPa
     assert told == [OSError]
 
 
+class CheckedOnDeletion:
+    """A query that goes on for long, and that Ctrl-C ends in a deletion, where it is lost."""
+
+    def __del__(self) -> None:
+        x, y, z = z3.Ints("x y z")
+        ctrl_c = threading.Timer(0.1, signal.raise_signal, [signal.SIGINT])
+        ctrl_c.start()
+        solver = z3.Solver()
+        solver.add(x * x * x + y * y * y + z * z * z == 114)
+        solver.check()
+
+
+def test_what_z3_cancels_is_a_keyboard_interrupt_after_ctrl_c_alone() -> None:
+    def cancel() -> None:
+        CheckedOnDeletion()
+        raise z3.Z3Exception(b"push canceled")
+
+    with pytest.raises(KeyboardInterrupt), reliable_interrupts():
+        cancel()
+    with pytest.raises(z3.Z3Exception, match="canceled"), reliable_interrupts():
+        raise z3.Z3Exception(b"push canceled")
+
+
 def answers(seconds: float, ask: Callable[[z3.Solver], object]) -> bool:
     """Ask z3 until Ctrl-C comes; return False if that went on for a minute."""
     ctrl_c = threading.Timer(seconds, signal.raise_signal, [signal.SIGINT])
