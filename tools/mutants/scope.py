@@ -7,15 +7,11 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 
-FRAMES = (
-    *("frames/clock", "frames/registry", "frames/liveness", "frames/assembler", "frames/membership"),
-    "frames/resumption",
-    *("clients/client", "clients/memory"),
-)
+FRAMES = ("frames/clock", "frames/registry", "frames/assembler", "clients/client")
 """Ticks and epochs, who lives, frames put together from what arrives, what a client remembers."""
 
 ARBITRATION = tuple(
-    f"arbitration/{name}" for name in ("ballot", "arbiter", "outside", "locks", "stop_latch", "stop_file")
+    f"arbitration/{name}" for name in ("ballot", "arbiter", "outside", "motion", "stop_latch")
 )
 """The rule, the protocol around it, leases, locks, the emergency stop."""
 

@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("mutmut", reason="`make mutants` needs it")
 
-from tools.mutants import reasons
+from tools.mutants import reasons, scope
 from tools.mutants.mutation import Mutant
 from tools.mutants.scope import ROOT, modules
 
@@ -45,3 +45,8 @@ def test_what_is_listed_is_of_modules_that_are_mutated() -> None:
     known = reasons.load()
     assert {path for path, _ in known.of} <= set(modules())
     assert all((ROOT / path).exists() for path, _ in known.of)
+
+
+def test_what_is_mutated_and_its_tests_are_there() -> None:
+    paths = [*scope.modules(), *scope.tests()]
+    assert [path for path in paths if not (scope.ROOT / path).is_file()] == []
