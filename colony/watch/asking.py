@@ -1,4 +1,4 @@
-"""Asking a robot for what frames do not have, while a page is open: pictures, and the estimate of its pose.
+"""Asking a robot for what frames do not have, while a page is open: pictures, its pose, and what fails.
 
 A thread asks, a few times a second at most, with calls that need the right to read. Without a page it sends
 the robot nothing, and has no connection to it.
@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
@@ -22,7 +23,10 @@ from colony.nav.shared import POSE
 from colony.runtime.kit.connection import Connection, Session
 from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import camera, data
+from colony.runtime.library.ask import STATUS
+from colony.runtime.library.leader import LEADER, run_status
 from colony.runtime.protocol.images import Image
+from colony.runtime.protocol.topics import OBSERVER
 from colony.runtime.servers.cserver import CSERVER
 
 # --- ellipse -------------------------------------------------------------------------------------------
@@ -196,6 +200,9 @@ ASK_INTERVAL_S = 0.5
 ANSWER_TIMEOUT_S = 1.0
 """Maximum seconds to wait for a camera."""
 
+TROUBLES_INTERVAL_S = 2.0
+"""Seconds between two questions for what fails, at least."""
+
 MAX_CAMERAS = 4
 """Maximum number of cameras that are shown, in the order of their names."""
 
@@ -208,10 +215,17 @@ BAND_BYTES = 2**20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotView:
-    """What a robot answered: its cameras' pictures, and where its pose estimator believes it, if one runs."""
+    """What a robot answered.
+
+    Attributes:
+        pictures: its cameras' pictures.
+        ellipse: where its pose estimator believes it, if one runs.
+        troubles: failing parts of its servers, and the reason why nothing moves, as in `colony ps`.
+    """
 
     pictures: tuple[Picture, ...]
     ellipse: PoseEllipse | None
+    troubles: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -332,11 +346,19 @@ def asking_robot(session: Session, find: Find) -> Iterator[Ask]:
         find: the detectors to run on the pictures.
     """
     connections = PageConnections(session)
+    due_s = 0.0
+    troubles: tuple[str, ...] = ()
 
     def ask() -> RobotView:
+        nonlocal due_s, troubles
         names = connections.servers()
+        if time.monotonic() >= due_s:
+            troubles = tuple(_troubles(connections, names))
+            due_s = time.monotonic() + TROUBLES_INTERVAL_S
         return RobotView(
-            pictures=tuple(_pictures(connections, names, find)), ellipse=_ellipse(connections, names)
+            pictures=tuple(_pictures(connections, names, find)),
+            ellipse=_ellipse(connections, names),
+            troubles=troubles,
         )
 
     try:
@@ -352,6 +374,16 @@ def _pictures(connections: PageConnections, names: tuple[str, ...], find: Find) 
         with suppress(RobotConnectionError):
             if (image := whole_image(connections.to(name))) is not None:
                 yield picture_of(name, image, find)
+
+
+def _troubles(connections: PageConnections, names: tuple[str, ...]) -> Iterator[str]:
+    for name in names:
+        with suppress(RobotConnectionError):
+            if name == LEADER:
+                still = connections.to(name).do(run_status()).still
+                yield from (f"nothing moves: {still}",) if still else ()
+            elif "/" not in name and name != OBSERVER:
+                yield from (f"{name}: {part}" for part in connections.to(name).do(STATUS).failing)
 
 
 def _ellipse(connections: PageConnections, names: tuple[str, ...]) -> PoseEllipse | None:

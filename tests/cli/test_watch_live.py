@@ -131,3 +131,14 @@ def test_a_robot_whose_description_is_not_known_is_not_watched_without_a_program
     named = machine.start("watch", "--robot", ROBOT, "--port", "0")
     scene = shown_scene(named)
     assert (scene["robot"], scene["description"]) == (ROBOT, "create2"), "as the robot says"
+
+
+def test_a_page_says_why_nothing_moves(machine: Machine, tmp_path: Path) -> None:
+    behavior = tmp_path / "stand.colony"
+    stand = "module stand { when true do drive(velocity = 0, turn = 0) }"
+    behavior.write_text(f"language 1\nimport robot\n{stand}\nnetwork {{ drive = stand }}\n")
+    run = machine.start("run", str(behavior), "--robot", ROBOT, "--map", MAP, "--processes", "--no-picture")
+    until(lambda: failed(run) or machine.stands(), "the robot is there")
+    with opened(machine.start("watch", "--robot", ROBOT, "--port", "0")) as shown:
+        troubles = shown.until(lambda m: m.get("seen", {}).get("troubles"))["seen"]["troubles"]
+    assert troubles == ["nothing moves: `stand` commands it to stand, or a limit holds it at 0"]

@@ -11,7 +11,7 @@ import { Timeline } from "./timeline.js";
 
 const $ = (id) => document.getElementById(id);
 
-const page = { scene: null, views: [], snapshot: null, fresh: false, player: {}, isLive: false, isOpen: false };
+const page = { scene: null, views: [], snapshot: null, fresh: false, player: {}, isLive: false, isOpen: false, troubles: [] };
 
 /** Counters, for measurements of the page. */
 globalThis.colonyWatch = { received: 0, drawn: 0 };
@@ -40,6 +40,7 @@ function receive(message) {
   if (message.seen) {
     page.cameras.show(message.seen.pictures);
     page.map.setEllipse(message.seen.ellipse);
+    page.troubles = message.seen.troubles;
   }
   if (message.timeline) timeline.load(message.timeline);
   if (message.answer) showAnswer(message.answer);
@@ -56,6 +57,7 @@ function setUp({ scene, live, may_stop, may_ask, may_tune }) {
   page.snapshot = null;
   timeline.clear();
   page.isLive = live;
+  page.troubles = [];
   page.mayAsk = may_ask;
   setText($("robot"), scene.robot);
   const description = scene.description === scene.robot ? "" : `(${scene.description}) `;
@@ -127,17 +129,18 @@ function showConnection(state) {
 const ALARM_MS = 2000;
 const alarms = new Map();
 
-/** Show who is late. In a run that moves an alarm stays for a while, so that nothing flickers. */
+/** Show what fails now, and who is late. In a run that moves an alarm stays for a while, so that nothing flickers. */
 function showAlarms(now, isMoving) {
   const time = performance.now();
   if (!isMoving) alarms.clear();
   for (const alarm of now) alarms.set(alarm, time + ALARM_MS);
   for (const [alarm, end] of alarms) if (end < time) alarms.delete(alarm);
   const late = [...alarms.keys()].sort();
+  if (page.player.following) late.unshift(...page.troubles);
   const text = late.join("\n");
   if (text === page.alarms) return;
   page.alarms = text;
-  const shown = late.slice(0, 4).map((alarm) => element("li", {}, alarm));
+  const shown = late.slice(0, 4).map((alarm) => element("li", { title: alarm }, alarm));
   if (late.length > 4) shown.push(element("li", {}, `${late.length - 4} more`));
   $("alarms").replaceChildren(...shown);
 }
