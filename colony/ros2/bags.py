@@ -18,6 +18,9 @@ from colony.ros2.topics import HeardTopic
 BEGIN_NS = 10_000_000_000
 """The time at which a bag begins here: what it has was measured up to a second before."""
 
+DAY_NS, MAX_DAYS = 86_400_000_000_000, 7
+"""Messages farther apart than these days are those of a recorder whose clock was set."""
+
 CLOCK, CLOCK_TYPE = "/clock", "rosgraph_msgs/msg/Clock"
 CLOCK_DEFINITION: Mapping[str, Definition] = {CLOCK_TYPE: (("clock", "builtin_interfaces/Time"),)}
 
@@ -78,6 +81,9 @@ class Bag:
             f"{log.name}: {NOT_READ}" for log in logs if log.is_file() and log.stat().st_size
         )
         self.start_ns, self.end_ns = self._reader.start_time, self._reader.end_time - 1
+        if (days := (self.end_ns - self.start_ns) / DAY_NS) > MAX_DAYS:
+            self.close()
+            raise BagError(f"{days:,.0f} days are between its first and last message: the clock was set")
 
     def __enter__(self) -> Bag:
         """Return the bag."""

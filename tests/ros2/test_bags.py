@@ -123,6 +123,11 @@ def test_a_topic_of_two_types_has_that_with_more_messages_first(tmp_path: Path) 
         assert message.values["linear"]["x"] == 0.2
 
 
+def test_a_bag_of_a_clock_that_was_set_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BagError, match="19,676 days are between its first and last message"):
+        opened(tmp_path, [twist(0.1, 0.1), twist(-1_700_000_000.0, 0.2)])
+
+
 @pytest.mark.parametrize("definition", [MSG, IDL])
 def test_a_type_of_its_own_is_read_by_the_definition_in_the_bag(tmp_path: Path, definition: str) -> None:
     levels = [{"name": "tank", "value": 0.5, "flags": [True, False]}]

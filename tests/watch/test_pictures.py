@@ -219,7 +219,8 @@ def test_a_page_gets_the_ellipse_of_the_pose_that_the_estimator_published() -> N
         asker = Asker(lambda: asking_robot(session, find_nothing), 0.001)
         watched = Watched(scene=scene(), store=store, is_live=True, asker=asker)
         with served(watched) as server, page(server.host) as opened:
-            assert opened.until(lambda m: "seen" in m)["seen"] == {"pictures": [], "ellipse": None, "troubles": []}
+            nothing = {"pictures": [], "ellipse": None, "troubles": []}
+            assert opened.until(lambda m: "seen" in m)["seen"] == nothing
             variables.do(data.set(POSE, pose_list(pose)))
             found = opened.until(lambda m: m.get("seen", {}).get("ellipse"))["seen"]["ellipse"]
             assert (found["t"], found["x"], found["y"], found["heading"]) == (2.0, 100.0, 200.0, 90.0)
