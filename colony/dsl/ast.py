@@ -501,11 +501,12 @@ class LimitDecl(SyntaxNode):
 
 @record
 class ContractDecl(NamedNode):
-    """`contract name in time: expression`, or `reach name: expression`."""
+    """`contract name in time requirement "id": expression`, or `reach name requirement "id": expression`."""
 
     expression: Expression
     in_time: bool = False
     reach: bool = False
+    requirements: tuple[str, ...] = ()
 
     @property
     def keyword(self) -> str:

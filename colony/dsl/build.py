@@ -302,14 +302,31 @@ class TreeBuilder:
 
     def contract(self, c: Children) -> ast.ContractDecl:
         """Build a contract."""
-        _, name, in_time, _, expression = c
+        _, name, in_time, requirements, _, expression = c
         return ast.ContractDecl(
-            name=_name(name), expression=expression, in_time=in_time is not None, reach=False, **_extent(c)
+            name=_name(name),
+            expression=expression,
+            in_time=in_time is not None,
+            reach=False,
+            requirements=requirements or (),
+            **_extent(c),
         )
 
     def reach(self, c: Children) -> ast.ContractDecl:
         """Build a `reach`."""
-        return ast.ContractDecl(name=_name(c[1]), expression=c[3], in_time=False, reach=True, **_extent(c))
+        _, name, requirements, _, expression = c
+        return ast.ContractDecl(
+            name=_name(name),
+            expression=expression,
+            in_time=False,
+            reach=True,
+            requirements=requirements or (),
+            **_extent(c),
+        )
+
+    def requirements(self, c: Children) -> tuple[str, ...]:
+        """Return the requirements that a contract belongs to."""
+        return tuple(_unquoted(text) for text in c[1::2])
 
     def in_time(self, c: Children) -> bool:
         """Return that a contract holds in time."""

@@ -157,7 +157,9 @@ def _declaration(node: ast.Declaration) -> str:
             return f"limit {field} {node.relation} {print_expression(node.bound)}{when}\n"
         case ast.ContractDecl():
             in_time = " in time" if node.in_time else ""
+            requirements = ", ".join(f'"{each}"' for each in node.requirements)
             head = f"{node.keyword} {node.name.text}{in_time}"
+            head += f" requirement {requirements}" if requirements else ""
             return f"{head}: {print_expression(node.expression)}\n"
         case ast.TestDecl():
             return _block(f'test "{node.title}"', (_step(s) for s in node.steps))

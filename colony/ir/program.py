@@ -389,12 +389,14 @@ class Contract(Declared):
     One that is `assumed` is about the world: proofs take it for granted, and it is watched in runs alone.
     One `in_time` is about frames in which no client is late or lost (see `ir.walk`). The contract of a
     `reach` is that no run gets to where it leads, with every client in time: it is to be refuted.
+    `requirements` are the ids of those that it belongs to.
     """
 
     expression: Expression
     assumed: bool = False
     in_time: bool = False
     reach: bool = False
+    requirements: tuple[str, ...] = field(default=(), compare=False)
 
 
 @record

@@ -70,7 +70,7 @@ network {{ first = {module} {wire} = first suppresses {derived} {actuator} = {wi
 limit {actuator}.{field} <= 3 mm/s when {sensor} < 3 mm
 contract {contract}: {actuator} by {module} implies {actuator}.{field} > 0 and {module} is active
   and {module}.{own_let} > {module}.{own_state} and {actuator} is idle and {wire} is active
-contract {contract}_in_time in time: {actuator} by {module}
+contract {contract}_in_time in time requirement "SR-1", "SR-2": {actuator} by {module}
 reach {reach}: {actuator} by {module}
 let some = sum({k} for {k} in 0 .. 3 if {k} > 1) + count(array[{k}] for {k} in 0 .. 3)
 let kind = {enum}.{enumerator} == {enum}.second

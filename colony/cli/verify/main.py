@@ -73,6 +73,20 @@ from colony.verify.interruption import reliable_interrupts
     "--faults", is_flag=True, help="With --examples: also run the traces with failing servers and clients."
 )
 @click.option(
+    "--report",
+    "report_folder",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="DIR",
+    help="Write requirements, verdicts, tests and hashes of inputs to DIR, as index.html and report.json; "
+    "exit with 1 unless each requirement is met.",
+)
+@click.option(
+    "--requirements",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="TABLE",
+    help='With --report: the texts of the requirements, TOML ("SR-12" = "text") or CSV (id,text).',
+)
+@click.option(
     "--strict",
     is_flag=True,
     help="Fail also if a contract is unknown or only over reals, or a question was not decided.",
@@ -89,6 +103,8 @@ def command(
     examples: int,
     seed: int,
     faults: bool,
+    report_folder: Path | None,
+    requirements: Path | None,
     strict: bool,
     format_: str,
 ) -> None:
@@ -118,19 +134,27 @@ def command(
       colony verify --examples 1000 --seed 7 behaviors/*.colony
     """
     context = click.get_current_context()
-    if faults and not examples:
-        raise click.UsageError("--faults requires --examples N", context)
-    if certificates is not None and len(dict.fromkeys(files)) > 1:
-        raise click.UsageError("--certificate requires a single FILE", context)
+    for is_wrong, message in (
+        (faults and not examples, "--faults requires --examples N"),
+        (certificates and len(dict.fromkeys(files)) > 1, "--certificate requires a single FILE"),
+        (report_folder and (names or why), "--report is about all contracts: leave out --contract and --why"),
+        (requirements and not report_folder, "--requirements requires --report DIR"),
+    ):
+        if is_wrong:
+            raise click.UsageError(message, context)
     expect_extras("verify")
+    from colony.cli.verify.requirement_report import requirements_table, write_report
+
+    texts = requirements_table(requirements)
     names += why
     loaded = [load(file, write_test=write_test) for file in dict.fromkeys(files)]
     _check_names(names, loaded, context)
     for verified in loaded:
         if write_test and verified.program is not None:
             check_writable(verified.file)
-    if certificates is not None:
-        make_folder(certificates)
+    for folder in (certificates, report_folder):
+        if folder is not None:
+            make_folder(folder)
     work = Work(
         names=names,
         why=why,
@@ -158,7 +182,11 @@ def command(
         finish_output(begun, cast(Format, format_), interrupted=True)
         raise
     finish_output(begun, cast(Format, format_))
-    raise click.exceptions.Exit(_exit_code(begun, strict))
+    code = _exit_code(begun, strict)
+    if report_folder is not None and all(verified.program for verified in begun):
+        is_met = write_report(report_folder, begun, requirements, texts, on_stderr=format_ != "text")
+        code = code or (0 if is_met else EXIT_ERRORS)
+    raise click.exceptions.Exit(code)
 
 
 def _check_names(names: Sequence[str], files: Sequence[Verified], context: click.Context) -> None:

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 
 def make_folder(folder: Path) -> None:
-    """Make the folder of certificates before the work begins; exit with 2 if that fails."""
+    """Make the folder of certificates or of a report before the work begins; exit with 2 if that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:

@@ -85,6 +85,7 @@ def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | No
         expression=_never(found) if node.reach else found,
         in_time=node.in_time or node.reach,
         reach=node.reach,
+        requirements=node.requirements,
         span=checker.span(node.name),
     )
 

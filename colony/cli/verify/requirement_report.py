@@ -1,0 +1,195 @@
+"""The report of `colony verify --report FOLDER`: requirements, contracts, tests and inputs, as HTML and JSON.
+
+Equal inputs give equal bytes: it has no time, and no path but those of its inputs.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+import sys
+from collections.abc import Iterable, Sequence
+from contextlib import redirect_stdout
+from html import escape
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import click
+
+from colony import __version__
+from colony.cli.outputs import write_whole
+from colony.cli.params_choice import chosen_params
+from colony.cli.verify.work import Verified
+from colony.files import reason
+from colony.ir.version import SEMANTICS
+from colony.text.wording import counted
+from colony.verify.requirements import Requirement, read_requirements, requirements_of
+
+TRUSTED = (
+    "the reference interpreter, which is the language reference, executed",
+    "the encoding of a program for z3, which is held to the interpreter by tests",
+    "z3's answer `unsatisfiable`; cvc5 checks it as well with `colony verify --certificate`",
+    "for `over reals`: that no number rounds",
+    "for contracts `in time`: that no client is late or lost",
+    "that sensors, motors and clocks do what the interface declares; no proof is about them",
+)
+"""What has to be believed, in short; docs/theory.md gives the reasons."""
+
+
+def requirements_table(path: Path | None) -> dict[str, str] | None:
+    """Return the texts of requirements, None without a table; exit with 2 if it cannot be read."""
+    if path is None:
+        return None
+    try:
+        return read_requirements(path)
+    except OSError as problem:
+        raise click.UsageError(f"cannot read {path}: {reason(problem)}") from None
+    except ValueError as problem:
+        raise click.UsageError(f"{path}: {problem}") from None
+
+
+def write_report(
+    folder: Path,
+    files: Sequence[Verified],
+    table: Path | None,
+    texts: dict[str, str] | None,
+    *,
+    on_stderr: bool,
+) -> bool:
+    """Write `report.json` and `index.html` into a folder, and say what is not met.
+
+    Returns:
+        True if each requirement is met.
+    """
+    results = [result for verified in files for result in verified.results]
+    requirements = requirements_of(texts, results)
+    found = _report(files, table, requirements)
+    write_whole(folder / "report.json", json.dumps(found, indent=2) + "\n")
+    write_whole(folder / "index.html", _html(found))
+    open_ = [requirement for requirement in requirements if requirement.status != "met"]
+    for requirement in open_:
+        contracts = ", ".join(f"{name} {verdict}" for name, verdict in requirement.contracts)
+        text = f"requirement {requirement.id}: {requirement.status}{contracts and f' ({contracts})'}"
+        click.echo(text, err=on_stderr)
+    met = len(requirements) - len(open_)
+    count = counted(len(requirements), "requirement")
+    click.echo(f"{met} of {count} met: {folder / 'index.html'}", err=on_stderr)
+    return not open_
+
+
+def _report(
+    files: Sequence[Verified], table: Path | None, requirements: Iterable[Requirement]
+) -> dict[str, Any]:
+    site = chosen_params()
+    others = [path for path in (table, None if site is None else Path(site.file)) if path is not None]
+    inputs = [
+        (path, source.text.encode()) for file in files if file.program for path, source in _sources(file)
+    ]
+    inputs += [(path.name, path.read_bytes()) for path in others]
+    return {
+        "versions": {
+            "colony": __version__,
+            "semantics": SEMANTICS,
+            "python": platform.python_version(),
+            "z3": metadata.version("z3-solver"),
+        },
+        "inputs": [
+            {"path": path, "sha256": hashlib.sha256(data).hexdigest()} for path, data in dict(inputs).items()
+        ],
+        "requirements": [
+            {**each._asdict(), "contracts": [{"contract": n, "verdict": v} for n, v in each.contracts]}
+            for each in requirements
+        ],
+        "files": [_file(verified) for verified in files],
+        "trusted": TRUSTED,
+    }
+
+
+def _sources(verified: Verified) -> Iterable[tuple[str, Any]]:
+    assert verified.program is not None
+    return verified.program.files or ()
+
+
+def _file(verified: Verified) -> dict[str, Any]:
+    """Return the results of a file: its contracts, its tests, and what else was found."""
+    from colony.verify.contracts.report import row
+    from colony.verify.testing.examples import run_examples
+
+    program = verified.program
+    assert program is not None
+    paths = {source.name: path for path, source in program.files}
+    contracts = [
+        {
+            **row(program, result),
+            "file": paths.get(result.contract.span.source.name, verified.file),
+            "requirements": result.contract.requirements,
+        }
+        for result in verified.results
+    ]
+    with redirect_stdout(sys.stderr):  # for prints of Python modules
+        tests = [{"test": each.name, "passed": each.passed} for each in run_examples(program)]
+    name = next((path for path, _ in reversed(program.files)), Path(verified.file).name)
+    findings = [f"{d.code}: {d.message}" for d in verified.diagnostics]
+    return {"file": name, "contracts": contracts, "tests": tests, "findings": findings}
+
+
+_STYLE = """body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 64rem; }
+table { border-collapse: collapse; width: 100%; margin-bottom: 1.5rem; }
+td, th { border-bottom: 1px solid #ccc; padding: 4px 10px 4px 0; text-align: left; vertical-align: top; }
+code { font-size: 13px; overflow-wrap: anywhere; } .good { color: #00664a; } .bad { color: #a33000; }"""
+
+_GOOD = ("met", "proved", "proved_in_time", "reached", "passed")
+
+
+def _html(found: dict[str, Any]) -> str:
+    requirements = [
+        (
+            each["id"],
+            each["text"],
+            each["status"],
+            ", ".join(c["contract"] for c in each["contracts"]) or "–",
+        )
+        for each in found["requirements"]
+    ]
+    parts = ["<h1>Requirements</h1>", _table(("requirement", "text", "status", "contracts"), requirements)]
+    for file in found["files"]:
+        contracts = [
+            (
+                each.get("contract") or each["reach"],
+                each["verdict"],
+                ", ".join(each["requirements"]) or "–",
+                f"{each['file']}:{each['line']}",
+                "; ".join(each.get("because", ()) or each.get("over_reals", ())) or "–",
+            )
+            for each in file["contracts"]
+        ]
+        tests = [(each["test"], "passed" if each["passed"] else "failed") for each in file["tests"]]
+        parts += [
+            f"<h2>{escape(file['file'])}</h2>",
+            _table(("contract", "verdict", "requirements", "place", "remarks"), contracts),
+            _table(("test", "result"), tests),
+            *([_table(("findings",), [(text,) for text in file["findings"]])] if file["findings"] else []),
+        ]
+    hashes = [(each["path"], each["sha256"]) for each in found["inputs"]]
+    versions = [(name, str(version)) for name, version in found["versions"].items()]
+    parts += ["<h2>Inputs</h2>", _table(("path", "SHA-256"), hashes), _table(("version of", ""), versions)]
+    parts += ["<h2>Trusted</h2>", f"<ul>{''.join(f'<li>{escape(t)}</li>' for t in found['trusted'])}</ul>"]
+    head = f'<meta charset="utf-8"><title>Requirements</title><style>{_STYLE}</style>'
+    body = "\n".join(parts)
+    return f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>{body}</body></html>\n'
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    cells = "".join(f"<th>{escape(text)}</th>" for text in head)
+    lines = "\n".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
+    return f"<table><tr>{cells}</tr>\n{lines}</table>"
+
+
+_BAD = ("unmet", "open", "refuted", "unknown", "over_reals", "failed", "without contracts", "without text")
+
+
+def _cell(text: str) -> str:
+    kind = ' class="good"' if text in _GOOD else ' class="bad"' if text in _BAD else ""
+    return f"<td{kind}>{escape(text.replace('_', ' ')) if kind else escape(text)}</td>"
