@@ -17,14 +17,9 @@ from colony.drivers.gamepad import (
     AxisPart,
     Gamepad,
     GamepadDriver,
-    GamepadError,
-    InputDevice,
     axis_part,
-    beyond,
     button_code,
     gamepad,
-    input_devices,
-    open_gamepad,
 )
 from colony.runtime.servers.drivers import Reading
 from tests.kit.gamepad import FULL, SYN_DROPPED, SYN_REPORT, Pad, axis, key, pad
@@ -39,50 +34,71 @@ def plugged(tmp_path: Path) -> Iterator[Pad]:
         yield made
 
 
+def opened(plugged: Pad) -> Gamepad:
+    """Return a gamepad that is open, and has no events yet."""
+    device = Gamepad(str(plugged.path))
+    assert device.read(0.0) == ()
+    assert device.problem == ""
+    return device
+
+
 # --- events ----------------------------------------------------------------------------------------------
 
 
 def test_events_change_buttons_and_axes(plugged: Pad) -> None:
-    device = Gamepad(str(plugged.path))
-    assert (device.read(), device.pressed) == ((), set())
+    device = opened(plugged)
+    assert (device.read(0.0), device.pressed) == ((), set())
     plugged.send(key("tl", 1), axis("y", -FULL), axis("hat0x", 1))
-    assert (device.read(), device.pressed) == ((TL,), {TL})
-    assert [device.axis(code) for code in (1, 16)] == pytest.approx([-1.0, 1.0], abs=1e-3)
-    assert device.axis(0) == pytest.approx(0.0, abs=1e-3)
+    assert (device.read(0.0), device.pressed) == ((TL,), {TL})
+    assert [device.axis(code, 0.0) for code in (1, 16)] == pytest.approx([-1.0, 1.0], abs=1e-3)
+    assert device.axis(0, 0.0) == pytest.approx(0.0, abs=1e-3)
     plugged.send(key("tl", 2), key("east", 1), key("east", 0))
-    assert (device.read(), device.pressed) == ((EAST,), {TL})
+    assert (device.read(0.0), device.pressed) == ((EAST,), {TL})
     plugged.release("tl")
-    assert (device.read(), device.pressed) == ((), set())
+    assert (device.read(0.0), device.pressed) == ((), set())
     device.close()
 
 
 def test_events_may_come_in_parts(plugged: Pad) -> None:
-    device = Gamepad(str(plugged.path))
+    device = opened(plugged)
     data = key("tl", 1) + axis("y", FULL) + SYN_REPORT
     for byte in data[:-1]:
         os.write(plugged._file, bytes([byte]))
-        device.read()
+        device.read(0.0)
     assert device.pressed == {TL}
-    assert device.axis(1) == pytest.approx(1.0)
+    assert device.axis(1, 0.0) == pytest.approx(1.0)
     device.close()
 
 
 def test_where_events_were_dropped_nothing_is_held(plugged: Pad) -> None:
     """A pipe cannot be asked what is held, unlike a device."""
-    device = Gamepad(str(plugged.path))
+    device = opened(plugged)
     plugged.send(key("tl", 1), axis("y", FULL))
     plugged.send(SYN_DROPPED)
-    assert device.read() == (TL,)
+    assert device.read(0.0) == (TL,)
     assert device.pressed == set()
-    assert device.axis(1) == pytest.approx(0.0, abs=1e-3)
+    assert device.axis(1, 0.0) == pytest.approx(0.0, abs=1e-3)
     device.close()
 
 
-def test_a_gamepad_that_is_gone_raises(plugged: Pad) -> None:
-    device = Gamepad(str(plugged.path))
+def test_a_gamepad_that_is_gone_holds_nothing_and_is_opened_again(plugged: Pad) -> None:
+    device = opened(plugged)
+    plugged.press("tl")
+    device.read(0.0)
     plugged.unplug()
-    with pytest.raises(OSError, match="No such device"):
-        device.read()
+    assert (device.read(5.0), device.pressed, device.fileno()) == ((), set(), None)
+    assert device.problem == "the gamepad is gone: No such device"
+    plugged.plug()
+    device.read(5.5)
+    assert (device.fileno() is not None, device.problem, device.pressed) == (True, "", set())
+    plugged.unplug()
+    device.read(5.6)
+    plugged.plug()
+    device.read(5.7)
+    assert device.fileno() is None, "it is not looked for all the time"
+    device.read(5.5 + REOPEN_S)
+    assert device.fileno() is not None
+    device.close()
     device.close()
 
 
@@ -110,83 +126,79 @@ def test_other_names_are_refused(call: object, text: str, said: str) -> None:
         call(text)  # type: ignore[operator]
 
 
-def test_a_dead_zone_takes_nothing_from_the_ends() -> None:
-    assert [beyond(value, 0.2) for value in (-1.0, -0.6, -0.2, 0.1, 0.6, 1.0)] == pytest.approx(
-        [-1.0, -0.5, 0.0, 0.0, 0.5, 1.0]
-    )
+def test_a_dead_zone_takes_nothing_from_the_ends(plugged: Pad) -> None:
+    device = opened(plugged)
+    found = []
+    for part in (-1.0, -0.6, -0.2, 0.1, 0.6, 1.0):
+        plugged.move(y=part)
+        device.read(0.0)
+        found.append(device.axis(1, 0.2))
+    assert found == pytest.approx([-1.0, -0.5, 0.0, 0.0, 0.5, 1.0], abs=1e-4)
+    device.close()
 
 
 # --- devices ---------------------------------------------------------------------------------------------
 
+LISTED = """\
+I: Bus=0011 Vendor=0001 Product=0001 Version=ab41
+N: Name="AT Translated Set 2 keyboard"
+P: Phys=isa0060/serio0/input0
+H: Handlers=sysrq kbd event0 leds
+B: EV=120013
 
-def listed(folder: Path, number: int, name: str, key: str, abs_: str) -> None:
-    """Write what sysfs says of a device."""
-    device = folder / f"event{number}" / "device"
-    (device / "capabilities").mkdir(parents=True)
-    (device / "name").write_text(f"{name}\n")
-    (device / "capabilities" / "key").write_text(f"{key}\n")
-    (device / "capabilities" / "abs").write_text(f"{abs_}\n")
+I: Bus=0003 Vendor=045e Product=028e Version=0114
+N: Name="Microsoft X-Box 360 pad"
+P: Phys=usb-0000:00:14.0-1/input0
+S: Sysfs=/devices/pci0000:00/input/input17
+H: Handlers=event{a} js0
+B: KEY=7cdb000000000000 0 0 0 0
 
-
-def test_sysfs_tells_gamepads_from_other_devices(tmp_path: Path) -> None:
-    keyboard = "402000000 3803078f800d001 feffffdfffefffff fffffffffffffffe"
-    listed(tmp_path, 10, "Xbox Wireless Controller", "7cdb000000000000 0 0 0 0", "3003f")
-    listed(tmp_path, 2, "Joystick", "ffff00000000 0 0 0 0", "3")
-    listed(tmp_path, 3, "Touchpad", "e520 10000 0 0 0 0", "660800011000003")
-    listed(tmp_path, 0, "AT keyboard", keyboard, "0")
-    found = [(device.path, device.name, device.is_gamepad) for device in input_devices(tmp_path)]
-    assert found == [
-        ("/dev/input/event0", "AT keyboard", False),
-        ("/dev/input/event2", "Joystick", True),
-        ("/dev/input/event3", "Touchpad", False),
-        ("/dev/input/event10", "Xbox Wireless Controller", True),
-    ]
-    assert input_devices(tmp_path / "none") == ()
+I: Bus=0005 Vendor=054c Product=09cc Version=8100
+N: Name="Wireless Controller"
+H: Handlers=js1 event{b}
+B: ABS=3003f
+"""
 
 
-def test_the_first_gamepad_that_can_be_read_is_opened(plugged: Pad, tmp_path: Path) -> None:
-    others = (
-        InputDevice("/dev/input/event0", "keyboard", False),
-        InputDevice(str(tmp_path / "a"), "a", True),
-    )
-    device = open_gamepad("", lambda: (*others, InputDevice(str(plugged.path), "b", True)))
-    plugged.press("tl")
-    assert device.read() == (TL,)
-    device.close()
+def listing(folder: Path, text: str) -> Path:
+    path = folder / "devices"
+    path.write_text(text)
+    return path
 
 
-def test_where_no_gamepad_can_be_read_the_message_says_what_is_there(tmp_path: Path) -> None:
-    with pytest.raises(GamepadError, match=r"no gamepad is connected; input devices: none"):
-        open_gamepad("", lambda: ())
-    with pytest.raises(GamepadError, match=r"no gamepad is connected; input devices: /dev/x \(keyboard\)"):
-        open_gamepad("", lambda: (InputDevice("/dev/x", "keyboard", False),))
-    path = str(tmp_path / "event7")
-    with pytest.raises(GamepadError, match=rf"{path} \(pad\): No such file"):
-        open_gamepad(path, lambda: (InputDevice(path, "pad", True),))
+def test_where_no_gamepad_can_be_read_the_problem_says_what_is_there(tmp_path: Path) -> None:
+    def problem(device: str, listing: Path) -> str:
+        pad = Gamepad(device, listing)
+        pad.read(0.0)
+        return pad.problem
+
+    assert problem("", tmp_path / "none") == "no gamepad is connected; input devices: none"
+    keyboard = LISTED.partition("\n\n")[0]
+    names = "/dev/input/event0 (AT Translated Set 2 keyboard)"
+    found = problem("", listing(tmp_path, keyboard))
+    assert found == f"no gamepad is connected; input devices: {names}"
+    every = listing(tmp_path, LISTED.format(a=900, b=901))
+    names += ", /dev/input/event900 (Microsoft X-Box 360 pad), /dev/input/event901 (Wireless Controller)"
+    gone = "/dev/input/event900: No such file or directory; /dev/input/event901: No such file or directory"
+    assert problem("", every) == f"{gone}; input devices: {names}"
+    path = tmp_path / "event7"
+    assert problem(str(path), every) == f"{path}: No such file or directory; input devices: {names}"
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="a user cannot take the right to read from itself")
 def test_a_device_that_may_not_be_read_has_a_way_out(tmp_path: Path) -> None:
     path = tmp_path / "event7"
     path.touch(mode=0o600)
+    device = Gamepad(str(path))
     os.seteuid(65534)
     try:
-        with pytest.raises(GamepadError, match="add the user to the group `input`, and log in again"):
-            open_gamepad(str(path), lambda: ())
+        device.read(0.0)
     finally:
         os.seteuid(0)
+    assert device.problem.startswith(f"{path}: add this user to the group `input`, and log in again")
 
 
 # --- driver ----------------------------------------------------------------------------------------------
-
-
-class Clock:
-    """A clock that is set by hand. Mutable."""
-
-    now_s = 100.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 def values(driver: GamepadDriver) -> dict[str, object]:
@@ -207,26 +219,12 @@ def test_axes_have_values_only_while_the_deadman_is_held(plugged: Pad) -> None:
     driver.close()
 
 
-def test_without_a_gamepad_nothing_has_a_value_until_it_is_back(plugged: Pad) -> None:
-    clock = Clock()
-    driver = GamepadDriver(str(plugged.path), TL, 0.1, {}, {}, clock)
+def test_without_a_gamepad_nothing_has_a_value(plugged: Pad) -> None:
+    driver = gamepad(str(plugged.path))
     plugged.press("tl")
-    assert values(driver) == {"deadman": True}
+    assert (values(driver), driver.problem) == ({"deadman": True}, None)
     plugged.unplug()
-    assert values(driver) == {}
-    assert driver.problem == "the gamepad is gone: No such device"
-    plugged.plug()
-    assert values(driver) == {}, "it is not looked for in each frame"
-    clock.now_s += REOPEN_S
-    assert values(driver) == {"deadman": False}, "what was held counts no more"
-    assert driver.problem is None
-    plugged.path.unlink()
-    plugged.unplug()
-    driver.fields()
-    clock.now_s += REOPEN_S
-    assert values(driver) == {}
-    assert driver.problem is not None
-    assert "No such file" in driver.problem
+    assert (values(driver), driver.problem) == ({}, "the gamepad is gone: No such device")
     with pytest.raises(ValueError, match="no command `set`"):
         driver.command("set", {})
     driver.safe()
@@ -257,18 +255,17 @@ def test_a_device_of_the_kernel_is_found_and_read() -> None:
         name = fcntl.ioctl(file, _SYSNAME, bytes(64)).rstrip(b"\0").decode()
         [folder] = Path(f"/sys/devices/virtual/input/{name}").glob("event*")
         path = f"/dev/input/{folder.name}"
-        assert InputDevice(path, "colony", True) in input_devices()
-        device = until(lambda: Path(path).exists() and open_gamepad(path), "the device is there")
-        assert device.axis(1) == -1.0
+        device = Gamepad(path)
+        until(lambda: device.read(time.monotonic()) or device.fileno(), "the device is there")
+        assert device.axis(1, 0.0) == -1.0
         os.write(file, key("tl", 1) + axis("y", 255) + SYN_REPORT)
-        until(lambda: device.read() or time.sleep(0.001), "the event is there")
+        until(lambda: device.read(0.0), "the event is there")
         assert device.pressed == {TL}
-        assert device.axis(1) == 1.0
-        device._resume()
-        assert (device.pressed, device.axis(1)) == ({TL}, 1.0)
+        assert device.axis(1, 0.0) == 1.0
+        assert list(device._take(SYN_DROPPED)) == []
+        assert (device.pressed, device.axis(1, 0.0)) == ({TL}, 1.0), "the device says what it has"
         fcntl.ioctl(file, _DESTROY)
-        with pytest.raises(OSError, match="No such device"):
-            device.read()
-        device.close()
+        device.read(0.0)
+        assert device.problem == "the gamepad is gone: No such device"
     finally:
         os.close(file)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -20,79 +21,58 @@ from colony.cli.robot_options import (
     running_robot,
     running_robot_options,
 )
-from colony.cli.run.options import OptionError, duration_ns, parsed
+from colony.cli.run.options import OptionError, parsed
 from colony.runs.scenario import parse_number
-from colony.text.units import ANGLE, LENGTH, TIME, Dimension
+from colony.text.units import ANGLE, LENGTH, NUMBER, TIME, Dimension
 
 if TYPE_CHECKING:
-    from colony.cli.teleop.inputs import HandInput, Layout
-    from colony.cli.teleop.operating import FullSpeeds
-    from colony.drivers.gamepad import AxisPart
+    from colony.cli.teleop.inputs import GamepadInput, Keyboard, PadLayout
     from colony.runtime.kit.connection import Session
-
-T = TypeVar("T")
 
 ANY_GAMEPAD = "any"
 """The value of `--gamepad` without a device: the first gamepad that can be read."""
 
+LAYOUT = "deadman=tl,fast=tr,stop=east,velocity=-y,turn=-rx,sideways=-x,dead_zone=0.1"
+
 PRIORITY = 10_000
 """The priority of an operator: above every client, of which a program has at most 2000."""
 
-MIN_LEASE_S, MAX_LEASE_S = 0.1, 5.0
-MAX_HOLD_S = 2.0
 
-AXES = "velocity=-y,turn=-rx,sideways=-x"
+def _quantity(
+    option: str, dimension: Dimension, least: float, most: float, example: str
+) -> Callable[[str], float]:
+    """Return the parser of an option: a number from `least` to `most` base units, or one with a unit."""
 
-
-def _seconds(option: str, low: float, high: float) -> Callable[[str], float]:
-    def parse(text: str) -> float:
-        seconds = duration_ns(text, option=option) / 1e9
-        if not low <= seconds <= high:
-            raise OptionError(f"{option}: found {seconds:g} s; expected {low:g} to {high:g} s")
-        return seconds
-
-    return parse
-
-
-def _rate(option: str, dimension: Dimension, example: str) -> Callable[[str], float]:
     def parse(text: str) -> float:
         value = parse_number(text, dimension, 1.0)
-        if value is None or value <= 0.0:
-            raise OptionError(f"{option}: found `{text}`; expected {example}")
+        if value is None or not least <= value <= most:
+            expected = f"{least:g} to {most:g} {dimension}, such as {example}"
+            raise OptionError(f"{option}: found `{text}`; expected {expected}")
         return value
 
     return parse
 
 
-def _named(option: str, parse: Callable[[str], T]) -> Callable[[str], T]:
-    """Return a parser that reports what `parse` raises as a mistake of the option."""
+def _layout(text: str) -> PadLayout:
+    """Parse changes of `LAYOUT`."""
+    from colony.cli.teleop.inputs import PadLayout
+    from colony.drivers.gamepad import axis_part, button_code
 
-    def parse_option(text: str) -> T:
-        try:
-            return parse(text)
-        except ValueError as problem:
-            raise OptionError(f"{option}: {problem}") from None
-
-    return parse_option
-
-
-def _button(text: str) -> int:
-    from colony.drivers.gamepad import button_code
-
-    return button_code(text)
-
-
-def _axes(text: str) -> dict[str, AxisPart]:
-    """Return the axes of the speeds; those that the text leaves out stay as they are by default."""
-    from colony.drivers.gamepad import axis_part
-
-    speeds = dict(part.split("=") for part in AXES.split(","))
-    for part in filter(None, map(str.strip, text.split(","))):
-        speed, equals, axis = (each.strip() for each in part.partition("="))
-        if not equals or speed not in speeds:
-            raise ValueError(f"found `{part}`; expected {AXES}")
-        speeds[speed] = axis
-    return {speed: axis_part(axis) for speed, axis in speeds.items()}
+    parts = dict(part.split("=") for part in LAYOUT.split(","))
+    for part in text.split(","):
+        name, _, value = (each.strip() for each in part.partition("="))
+        if name not in parts or not value:
+            raise OptionError(f"--layout: found `{part}`; expected changes of {LAYOUT}")
+        parts[name] = value
+    dead_zone = parse_number(parts.pop("dead_zone"), NUMBER, 1.0)
+    if dead_zone is None or not 0.0 <= dead_zone < 1.0:
+        raise OptionError("--layout: expected a dead_zone from 0 to less than 1, such as 0.1")
+    try:
+        deadman, fast, stop = (button_code(parts.pop(name)) for name in ("deadman", "fast", "stop"))
+        velocity, turn, sideways = map(axis_part, parts.values())
+    except ValueError as problem:
+        raise OptionError(f"--layout: {problem}") from None
+    return PadLayout(deadman, fast, stop, velocity, turn, sideways, dead_zone)
 
 
 @click.command(name="teleop", short_help="drive a robot by hand, with a gamepad or keys")
@@ -106,15 +86,23 @@ def _axes(text: str) -> dict[str, AxisPart]:
     "[default: the keys of this terminal]",
 )
 @click.option(
+    "--layout",
+    metavar="NAME=WHAT,...",
+    default=LAYOUT,
+    callback=parsed(_layout),
+    help=f"Changes of the gamepad's layout: buttons, axes, and the part of an axis that is 0. "
+    f"[default: {LAYOUT}]",
+)
+@click.option(
     "--speed",
     metavar="SPEED",
-    callback=parsed(_rate("--speed", LENGTH.over(TIME), "a speed above 0, such as 0.4m/s")),
+    callback=parsed(_quantity("--speed", LENGTH.over(TIME), 1.0, 1e5, "0.4m/s")),
     help="The speed at full deflection: 0.4m/s, or a number in mm/s. [default: half of what the robot takes]",
 )
 @click.option(
     "--turn",
     metavar="RATE",
-    callback=parsed(_rate("--turn", ANGLE.over(TIME), "a turn rate above 0, such as 45deg/s")),
+    callback=parsed(_quantity("--turn", ANGLE.over(TIME), 1.0, 1e4, "45deg/s")),
     help="The turn rate at full deflection: 45deg/s, or a number in deg/s. [default: half of what it takes]",
 )
 @click.option(
@@ -130,73 +118,16 @@ def _axes(text: str) -> dict[str, AxisPart]:
     metavar="TIME",
     default="0.3s",
     show_default=True,
-    callback=parsed(_seconds("--lease", MIN_LEASE_S, MAX_LEASE_S)),
+    callback=parsed(_quantity("--lease", TIME, 0.1, 5.0, "0.3s")),
     help="The time for which a command holds if this process dies or freezes.",
-)
-@click.option(
-    "--hold",
-    "hold_s",
-    metavar="TIME",
-    default="0.6s",
-    show_default=True,
-    callback=parsed(_seconds("--hold", 0.05, MAX_HOLD_S)),
-    help="The time for which a key counts as held until the terminal repeats it.",
-)
-@click.option(
-    "--deadman",
-    metavar="BUTTON",
-    default="tl",
-    show_default=True,
-    callback=parsed(_named("--deadman", _button)),
-    help="The button to hold while driving: a name, or a number such as 310.",
-)
-@click.option(
-    "--fast",
-    metavar="BUTTON",
-    default="tr",
-    show_default=True,
-    callback=parsed(_named("--fast", _button)),
-    help="The button that doubles the speeds while it is held.",
-)
-@click.option(
-    "--stop-button",
-    metavar="BUTTON",
-    default="east",
-    show_default=True,
-    callback=parsed(_named("--stop-button", _button)),
-    help="The button that stops the robot as `colony stop` does.",
-)
-@click.option(
-    "--axes",
-    metavar="LIST",
-    default=AXES,
-    show_default=True,
-    callback=parsed(_named("--axes", _axes)),
-    help="The axis of each speed; those that are left out stay.",
-)
-@click.option(
-    "--dead-zone",
-    type=click.FloatRange(0.0, 90.0),
-    default=10.0,
-    show_default=True,
-    metavar="PERCENT",
-    help="The part of an axis around its middle that counts as 0.",
 )
 def command(
     robot: str | None,
     connect: str | None,
     security: Path | None,
     gamepad: str | None,
-    speed: float | None,
-    turn: float | None,
-    priority: int,
-    lease_s: float,
-    hold_s: float,
-    deadman: int,
-    fast: int,
-    stop_button: int,
-    axes: dict[str, AxisPart],
-    dead_zone: float,
+    layout: PadLayout,
+    **settings: Any,
 ) -> None:
     """Drive the base of a robot that runs, until q or Ctrl-C. A line shows who drives.
 
@@ -210,7 +141,7 @@ def command(
       , .               sideways left, right      q      quit
       W S A D           the same, twice as fast
 
-    One key counts at a time. A terminal reports no releases: a key counts as held for --hold after it was
+    One key counts at a time. A terminal reports no releases: a key counts as held for 0.6 s after it was
     pressed, and for 0.2 s after each repetition.
 
     Exit code: 0 at the end, 1 if the robot refuses, 2 for misuse, and if there is no robot or gamepad.
@@ -219,47 +150,49 @@ def command(
     Example:
       colony teleop
       colony teleop --gamepad --speed 0.4m/s --turn 45deg/s
-      colony teleop --robot rome --gamepad /dev/input/event5 --axes turn=-x --deadman tr
+      colony teleop --robot rome --gamepad /dev/input/event5 --layout deadman=tr,turn=-x
     """
-    from colony.cli.teleop.inputs import Layout
-    from colony.cli.teleop.operating import FullSpeeds
     from colony.runtime.kit.discovery import session_with
     from colony.runtime.kit.errors import CallRefusedError
 
-    layout = Layout(deadman, fast, stop_button, **axes, dead_zone=dead_zone / 100.0)
     with reporting_connection_errors():
         name = running_robot(robot, connect, "RServer")
         address = robot_address_of(name, connect, security)
-        with _hand_input(gamepad, layout, hold_s) as source, session_with(address) as session:
+        with _hand_input(gamepad, layout) as source, session_with(address) as session:
             try:
-                full = FullSpeeds(speed, turn)
-                asyncio.run(_operate(session, name, source, full, priority, lease_s))
+                asyncio.run(_operate(session, name, source, **settings))
             except CallRefusedError as problem:
                 say(f"colony: error: {problem.message}")
                 raise click.exceptions.Exit(EXIT_ERRORS) from None
 
 
 @contextmanager
-def _hand_input(gamepad: str | None, layout: Layout, hold_s: float) -> Iterator[HandInput]:
+def _hand_input(gamepad: str | None, layout: PadLayout) -> Iterator[GamepadInput | Keyboard]:
     from colony.cli.teleop.inputs import GamepadInput, Keyboard, single_keys
-    from colony.drivers.gamepad import GamepadError
+    from colony.drivers.gamepad import Gamepad
 
     if gamepad is not None:
-        try:
-            pad = GamepadInput("" if gamepad == ANY_GAMEPAD else gamepad, layout)
-        except GamepadError as problem:
-            raise click.ClickException(f"--gamepad: {problem}") from None
-        with closing(pad):
-            yield pad
+        with closing(Gamepad("" if gamepad == ANY_GAMEPAD else gamepad)) as pad:
+            pad.read(time.monotonic())
+            if pad.problem:
+                raise click.ClickException(f"--gamepad: {pad.problem}")
+            yield GamepadInput(pad, layout)
     elif sys.stdin.isatty():
         with single_keys(sys.stdin.fileno()):
-            yield Keyboard(sys.stdin.fileno(), hold_s)
+            yield Keyboard(sys.stdin.fileno())
     else:
         raise click.UsageError("the standard input is no terminal, which has keys: give --gamepad [DEVICE]")
 
 
 async def _operate(
-    session: Session, name: str, source: HandInput, full: FullSpeeds, priority: int, lease_s: float
+    session: Session,
+    name: str,
+    source: GamepadInput | Keyboard,
+    *,
+    priority: int,
+    lease_s: float,
+    speed: float | None,
+    turn: float | None,
 ) -> None:
     from colony.cli.interruption import termination_signals
     from colony.cli.stop import stop_robot
@@ -268,7 +201,7 @@ async def _operate(
 
     stop = partial(stop_robot, name, session)
     async with AsyncSession(session.hub).connect("RServer", name=NAME, priority=priority) as base:
-        operation = Teleoperation(base, source, full, priority=priority, lease_s=lease_s, stop=stop)
+        operation = Teleoperation(base, source, priority, lease_s, stop, speed=speed, turn=turn)
         for number in termination_signals():
             asyncio.get_running_loop().add_signal_handler(number, operation.end)
         await operation.run()

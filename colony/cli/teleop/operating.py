@@ -8,18 +8,18 @@ If this process dies or freezes, the lease of its last command ends.
 from __future__ import annotations
 
 import asyncio
-import math
 import sys
 import time
 from collections.abc import Callable, Coroutine
+from contextlib import suppress
 from typing import NamedTuple
 
 import click
 
-from colony.cli.teleop.inputs import Hand, HandInput
+from colony.cli.teleop.inputs import GamepadInput, Hand, Keyboard
 from colony.runtime.arbitration.motion import Speeds
 from colony.runtime.kit.aio import AsyncConnection
-from colony.runtime.kit.errors import CallRefusedError, RobotConnectionError
+from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import robot
 from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.robot import BaseArbitration
@@ -39,27 +39,23 @@ FAST = 2.0
 NAME = "colony teleop"
 
 
-class FullSpeeds(NamedTuple):
-    """The speeds that full deflection asks for; None for a part of what the base takes."""
+def speeds_of(hand: Hand, speed: float | None, turn: float | None, low: Speeds, high: Speeds) -> Speeds:
+    """Return the speeds that a hand asks for, within what the base takes.
 
-    velocity: float | None
-    turn: float | None
+    Args:
+        hand: what it asks for.
+        speed: the speed in mm/s that full deflection asks for; None for a part of what the base takes.
+        turn: the same of the turn rate, in deg/s.
+        low: the least speeds that the base takes.
+        high: the greatest ones.
+    """
 
+    def fitted(part: float, most: float | None, least: float, greatest: float) -> float:
+        most = PART * (greatest if part > 0.0 else -least) if most is None else most
+        return min(max(part * most * (FAST if hand.fast else 1.0), least), greatest)
 
-def speeds_of(hand: Hand, full: FullSpeeds, low: Speeds, high: Speeds) -> Speeds:
-    """Return the speeds that a hand asks for, within what the base takes."""
-    factor = FAST if hand.fast else 1.0
-
-    def speed(part: float, most: float | None, least: float, greatest: float) -> float:
-        if most is None:
-            most = PART * (greatest if part > 0.0 else -least)
-        return min(max(part * most * factor, least), greatest)
-
-    return Speeds(
-        speed(hand.velocity, full.velocity, low.velocity, high.velocity),
-        speed(hand.turn, full.turn, low.turn, high.turn),
-        speed(hand.sideways, full.velocity, low.sideways, high.sideways),
-    )
+    most = (speed, turn, speed)
+    return Speeds(*map(fitted, hand[:3], most, low, high))
 
 
 class DriverLine(NamedTuple):
@@ -109,31 +105,32 @@ class Teleoperation:
     Args:
         base: the connection to RServer.
         source: what the operator holds.
-        full: the speeds that full deflection asks for.
         priority: that of the connection.
         lease_s: seconds for which a command holds if it is not repeated.
         stop: stops the robot in an emergency; it may block.
+        speed: the speed in mm/s at full deflection; None for a part of what the base takes.
+        turn: the same of the turn rate, in deg/s.
     """
 
     def __init__(
         self,
         base: AsyncConnection,
-        source: HandInput,
-        full: FullSpeeds,
-        *,
+        source: GamepadInput | Keyboard,
         priority: int,
         lease_s: float,
         stop: Callable[[], object],
+        *,
+        speed: float | None = None,
+        turn: float | None = None,
     ) -> None:
-        self._base, self._source, self._full = base, source, full
-        self._priority, self._lease_s, self._stop = priority, lease_s, stop
+        self._base, self._source, self._priority, self._lease_s = base, source, priority, lease_s
+        self._stop, self._speed, self._turn = stop, speed, turn
         self._changed, self._ended = asyncio.Event(), asyncio.Event()
         self._is_commanding = self._is_busy = False
         self._asked: Speeds | None = None
-        self._tasks: set[asyncio.Task[object]] = set()
         self._file: int | None = None
+        self._tasks: set[asyncio.Task[object]] = set()
         self._problem = self._printed = ""
-        self._report: BaseArbitration
 
     async def run(self) -> None:
         """Operate until `end`, or until the operator quits.
@@ -143,7 +140,7 @@ class Teleoperation:
             CallRefusedError: the priority is taken, or this user may not command.
         """
         self._report = await self._base.do(robot.arbitration())
-        self._listen()
+        self._listen(self._source.fileno())
         try:
             async with asyncio.TaskGroup() as group:
                 parts = [group.create_task(part()) for part in (self._command, self._show)]
@@ -153,7 +150,7 @@ class Teleoperation:
         except ExceptionGroup as failed:
             raise failed.exceptions[0] from None
         finally:
-            self._unlisten()
+            self._listen(None)
             self._end_line()
             if self._tasks:
                 await asyncio.wait(self._tasks)
@@ -164,21 +161,18 @@ class Teleoperation:
 
     # --- the hand ------------------------------------------------------------------------------------
 
-    def _listen(self) -> None:
-        self._file = self._source.fileno()
-        if self._file is not None:
-            asyncio.get_running_loop().add_reader(self._file, self._on_input)
-
-    def _unlisten(self) -> None:
-        if self._file is not None:
-            asyncio.get_running_loop().remove_reader(self._file)
+    def _listen(self, file: int | None) -> None:
+        """Wait for input at this descriptor from now on, if there is any."""
+        before, self._file = self._file, file
+        if file != before and before is not None:
+            asyncio.get_running_loop().remove_reader(before)
+        if file != before and file is not None:
+            asyncio.get_running_loop().add_reader(file, self._on_input)
 
     def _on_input(self) -> None:
         now_s = time.monotonic()
         wish = self._source.read(now_s)
-        if self._source.fileno() is None:
-            self._unlisten()
-            self._file = None
+        self._listen(self._source.fileno())
         if self._is_commanding and self._is_busy and self._source.hand(now_s) is None:
             self._start(self._do(robot.give_way()))
         if wish == "quit":
@@ -199,27 +193,22 @@ class Teleoperation:
     async def _command(self) -> None:
         while True:
             self._changed.clear()
-            hand = self._source.hand(time.monotonic())
-            wait_s = math.inf
-            self._asked = None
+            hand, wait_s, self._asked = self._source.hand(time.monotonic()), None, None
             if hand is not None:
-                self._asked = speeds_of(hand, self._full, self._report.low, self._report.high)
-                self._is_commanding = True
+                low, high = self._report.low, self._report.high
+                self._asked = speeds_of(hand, self._speed, self._turn, low, high)
                 velocity, turn, sideways = self._asked
-                self._is_busy = True
+                self._is_commanding = self._is_busy = True
                 await self._do(robot.drive(velocity, turn, self._lease_s, sideways=sideways))
                 self._is_busy = False
                 wait_s = min(self._lease_s / 3.0, self._source.holds_s(time.monotonic()))
             elif self._is_commanding:
                 self._is_commanding = not await self._do(robot.give_way())
-                wait_s = self._lease_s
+                wait_s = self._lease_s if self._is_commanding else None
             else:
                 self._problem = ""
-            try:
-                async with asyncio.timeout(None if math.isinf(wait_s) else wait_s):
-                    await self._changed.wait()
-            except TimeoutError:
-                pass
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self._changed.wait(), wait_s)
 
     async def _do(self, call: CallRequest[None]) -> bool:
         """Make a call; return True if it was done.
@@ -227,20 +216,16 @@ class Teleoperation:
         Raises:
             CallRefusedError: it would be refused for ever.
         """
+        self._problem, code = "", ""
         try:
             await self._base.do(call, timeout_s=ANSWER_TIMEOUT_S)
-        except CallRefusedError as problem:
-            if problem.code in ("tie", "right"):
-                raise
-            if problem.code == "stopped":  # the release of the stop must not move the robot
-                self._source.release()
-            self._problem = problem.message
         except RobotConnectionError as problem:
-            self._problem = str(problem)
-        else:
-            self._problem = ""
-            return True
-        return False
+            self._problem, code = str(problem), getattr(problem, "code", "")
+            if code in ("tie", "right"):
+                raise
+        if code == "stopped":  # the release of the stop must not move the robot
+            self._source.release()
+        return not self._problem
 
     # --- who drives ----------------------------------------------------------------------------------
 
@@ -255,9 +240,8 @@ class Teleoperation:
                 asked = self._asked
                 self._print(driver_line(self._report, self._priority, asked, asked == before))
                 before = asked
-            if self._source.fileno() is None:
-                self._source.reopen()
-                self._listen()
+            if self._file is None:
+                self._on_input()
             await asyncio.sleep(STATUS_INTERVAL_S)
 
     def _print(self, line: DriverLine) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from pathlib import Path
 
@@ -12,11 +13,11 @@ from colony.cli.teleop.inputs import GamepadInput, Hand
 from colony.cli.teleop.operating import (
     NAME,
     DriverLine,
-    FullSpeeds,
     Teleoperation,
     driver_line,
     speeds_of,
 )
+from colony.drivers.gamepad import Gamepad
 from colony.runtime.arbitration.motion import Speeds
 from colony.runtime.frames.clock import Clock
 from colony.runtime.kit.aio import AsyncSession
@@ -45,23 +46,23 @@ OURS, THEIRS = "root/1", "root/2"
 @pytest.mark.parametrize(
     ("hand", "full", "found"),
     [
-        (Hand(1.0, 1.0, 0.0), FullSpeeds(None, None), (250.0, 30.0, 0.0)),
-        (Hand(-1.0, -0.5, 0.0), FullSpeeds(None, None), (-150.0, -15.0, 0.0)),
-        (Hand(1.0, 0.0, 0.0, fast=True), FullSpeeds(None, None), (500.0, 0.0, 0.0)),
-        (Hand(0.5, 1.0, 0.0), FullSpeeds(400.0, 45.0), (200.0, 45.0, 0.0)),
-        (Hand(-1.0, 1.0, 1.0), FullSpeeds(400.0, 90.0), (-300.0, 60.0, 0.0)),
+        (Hand(1.0, 1.0, 0.0), (None, None), (250.0, 30.0, 0.0)),
+        (Hand(-1.0, -0.5, 0.0), (None, None), (-150.0, -15.0, 0.0)),
+        (Hand(1.0, 0.0, 0.0, fast=True), (None, None), (500.0, 0.0, 0.0)),
+        (Hand(0.5, 1.0, 0.0), (400.0, 45.0), (200.0, 45.0, 0.0)),
+        (Hand(-1.0, 1.0, 1.0), (400.0, 90.0), (-300.0, 60.0, 0.0)),
     ],
 )
 def test_speeds_are_within_what_the_base_takes(
-    hand: Hand, full: FullSpeeds, found: tuple[float, ...]
+    hand: Hand, full: tuple[float | None, float | None], found: tuple[float, ...]
 ) -> None:
-    assert speeds_of(hand, full, LOW, HIGH) == found
+    assert speeds_of(hand, *full, LOW, HIGH) == found
 
 
 def test_a_base_that_drives_sideways_does_so_at_its_own_speed() -> None:
     low, high = LOW._replace(sideways=-100.0), HIGH._replace(sideways=100.0)
-    assert speeds_of(Hand(0.0, 0.0, -1.0), FullSpeeds(None, None), low, high) == (0.0, 0.0, -50.0)
-    assert speeds_of(Hand(0.0, 0.0, 1.0), FullSpeeds(400.0, None), low, high) == (0.0, 0.0, 100.0)
+    assert speeds_of(Hand(0.0, 0.0, -1.0), None, None, low, high) == (0.0, 0.0, -50.0)
+    assert speeds_of(Hand(0.0, 0.0, 1.0), 400.0, None, low, high) == (0.0, 0.0, 100.0)
 
 
 # --- who drives ------------------------------------------------------------------------------------------
@@ -160,19 +161,14 @@ class Stage:
         self, script: Callable[[], Awaitable[None]], *, priority: int = 50, lease_s: float = 60.0
     ) -> None:
         """Run an operator, whose lease does not end by itself, beside a script of what its hand does."""
-        source = GamepadInput(str(self.pad.path), LAYOUT)
+        device = Gamepad(str(self.pad.path))
+        source = GamepadInput(device, LAYOUT)
+        source.read(time.monotonic())
 
         async def main() -> None:
             session = AsyncSession(self.session.hub)
             async with session.connect("RServer", name=NAME, priority=priority) as base:
-                operation = Teleoperation(
-                    base,
-                    source,
-                    FullSpeeds(400.0, None),
-                    priority=priority,
-                    lease_s=lease_s,
-                    stop=self.stop,
-                )
+                operation = Teleoperation(base, source, priority, lease_s, self.stop, speed=400.0)
                 running = asyncio.create_task(operation.run())
                 done, _ = await asyncio.wait(
                     {running, asyncio.ensure_future(script())}, return_when=asyncio.FIRST_COMPLETED
@@ -183,7 +179,7 @@ class Stage:
                     each.result()
 
         asyncio.run(main())
-        source.close()
+        device.close()
 
 
 async def reached(condition: Callable[[], object], what: Callable[[], str]) -> None:
@@ -252,7 +248,7 @@ def test_a_gamepad_that_is_unplugged_gives_way(stage: Stage, capsys: pytest.Capt
             said += capsys.readouterr().out
             return said
 
-        await reached(lambda: "the gamepad is gone; other drives" in printed(), printed)
+        await reached(lambda: "the gamepad is gone: No such device; other drives" in printed(), printed)
         stage.pad.plug()
         await reached(lambda: printed().endswith("\nother drives\n"), printed)
         stage.pad.press("tl")
