@@ -52,7 +52,7 @@ def speeds_of(hand: Hand, speed: float | None, turn: float | None, low: Speeds, 
 
     def fitted(part: float, most: float | None, least: float, greatest: float) -> float:
         most = PART * (greatest if part > 0.0 else -least) if most is None else most
-        return min(max(part * most * (FAST if hand.fast else 1.0), least), greatest)
+        return min(max(part * most * (FAST if hand.fast else 1.0), least), greatest) + 0.0  # never -0.0
 
     most = (speed, turn, speed)
     return Speeds(*map(fitted, hand[:3], most, low, high))
