@@ -10,12 +10,14 @@ from __future__ import annotations
 import math
 import os
 import re
+import signal
 import termios
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Literal, NamedTuple
 
+from colony.cli.interruption import termination_signals
 from colony.drivers.gamepad import AxisPart, Gamepad
 
 HOLD_S = 0.6
@@ -157,8 +159,13 @@ class Keyboard:
 
 @contextmanager
 def single_keys(file: int) -> Iterator[None]:
-    """Have a terminal hand over each key at once, without showing it, as long as the context lasts."""
+    """Have a terminal hand over each key at once, without showing it, as long as the context lasts.
+
+    Signals that end a process raise KeyboardInterrupt from here on, so that the context ends.
+    """
     before = termios.tcgetattr(file)
+    for number in termination_signals():
+        signal.signal(number, signal.default_int_handler)
     try:
         tty.setcbreak(file)
         yield

@@ -5,8 +5,8 @@ from __future__ import annotations
 import asyncio
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable
+from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -152,13 +152,16 @@ def command(
       colony teleop --gamepad --speed 0.4m/s --turn 45deg/s
       colony teleop --robot rome --gamepad /dev/input/event5 --layout deadman=tr,turn=-x
     """
+    from colony.cli.teleop.inputs import Keyboard, single_keys
     from colony.runtime.kit.discovery import session_with
     from colony.runtime.kit.errors import CallRefusedError
 
     with reporting_connection_errors():
         name = running_robot(robot, connect, "RServer")
         address = robot_address_of(name, connect, security)
-        with _hand_input(gamepad, layout) as source, session_with(address) as session:
+        source = _hand_input(gamepad, layout)
+        keys = single_keys(sys.stdin.fileno()) if isinstance(source, Keyboard) else nullcontext()
+        with session_with(address) as session, keys:
             try:
                 asyncio.run(_operate(session, name, source, **settings))
             except CallRefusedError as problem:
@@ -166,22 +169,19 @@ def command(
                 raise click.exceptions.Exit(EXIT_ERRORS) from None
 
 
-@contextmanager
-def _hand_input(gamepad: str | None, layout: PadLayout) -> Iterator[GamepadInput | Keyboard]:
-    from colony.cli.teleop.inputs import GamepadInput, Keyboard, single_keys
+def _hand_input(gamepad: str | None, layout: PadLayout) -> GamepadInput | Keyboard:
+    from colony.cli.teleop.inputs import GamepadInput, Keyboard
     from colony.drivers.gamepad import Gamepad
 
     if gamepad is not None:
-        with closing(Gamepad("" if gamepad == ANY_GAMEPAD else gamepad)) as pad:
-            pad.read(time.monotonic())
-            if pad.problem:
-                raise click.ClickException(f"--gamepad: {pad.problem}")
-            yield GamepadInput(pad, layout)
-    elif sys.stdin.isatty():
-        with single_keys(sys.stdin.fileno()):
-            yield Keyboard(sys.stdin.fileno())
-    else:
+        pad = Gamepad("" if gamepad == ANY_GAMEPAD else gamepad)
+        pad.read(time.monotonic())
+        if pad.problem:
+            raise click.ClickException(f"--gamepad: {pad.problem}")
+        return GamepadInput(pad, layout)
+    if not sys.stdin.isatty():
         raise click.UsageError("the standard input is no terminal, which has keys: give --gamepad [DEVICE]")
+    return Keyboard(sys.stdin.fileno())
 
 
 async def _operate(

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import pty
+import signal
 import termios
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from colony.cli.interruption import termination_signals
 from colony.cli.teleop.inputs import HOLD_S, REPEAT_S, GamepadInput, Hand, Keyboard, PadLayout, single_keys
 from colony.drivers.gamepad import REOPEN_S, AxisPart, Gamepad, button_code
 from tests.kit.gamepad import pad
@@ -27,6 +29,15 @@ class Keys:
     def type(self, data: bytes, now_s: float) -> str:
         os.write(self.typed, data)
         return self.keyboard.read(now_s)
+
+
+@pytest.fixture(autouse=True)
+def handlers() -> Iterator[None]:
+    """The handlers of signals are those of before."""
+    before = {number: signal.getsignal(number) for number in termination_signals()}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture
@@ -96,16 +107,30 @@ def test_a_terminal_that_is_closed_is_the_end() -> None:
     os.close(file)
 
 
-def test_the_terminal_is_as_before_whatever_happens() -> None:
+def failing() -> None:
+    raise ZeroDivisionError
+
+
+@pytest.mark.parametrize(
+    ("happens", "raised"),
+    [
+        (failing, ZeroDivisionError),
+        (lambda: signal.raise_signal(signal.SIGTERM), KeyboardInterrupt),
+        (lambda: signal.raise_signal(signal.SIGINT), KeyboardInterrupt),
+    ],
+)
+def test_the_terminal_is_as_before_whatever_happens(
+    happens: Callable[[], None], raised: type[BaseException]
+) -> None:
     typed, file = pty.openpty()
     before = termios.tcgetattr(file)
 
     def fail() -> None:
         with single_keys(file):
             assert not termios.tcgetattr(file)[3] & (termios.ICANON | termios.ECHO)
-            raise ZeroDivisionError
+            happens()
 
-    with pytest.raises(ZeroDivisionError):
+    with pytest.raises(raised):
         fail()
     assert termios.tcgetattr(file) == before
     os.close(typed)
