@@ -18,7 +18,9 @@ from colony.runtime.protocol.messages import Effect, Message, QuietNode, Verdict
 from colony.runtime.transport.live.robot_address import local
 from tests.cli.conftest import Colony
 from tests.cli.machine import MAP, ROBOT, Machine, Started, audited, failed, release
+from tests.cli.test_watch_live import credentials
 from tests.kit.gamepad import pad
+from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.waiting import until
 
 FRAME_S = 0.05
@@ -167,3 +169,32 @@ def test_the_keys_of_a_terminal_drive(machine: Machine) -> None:
                 keys.write(end.encode())
             assert teleop.wait() == 0
             assert termios.tcgetattr(terminal) == before
+
+
+@pytest.mark.long
+def test_users_of_a_gateway_drive_by_their_rights_while_the_network_holds(
+    machine: Machine, tmp_path: Path
+) -> None:
+    (folder := tmp_path / "certificates").mkdir()
+    authority, endpoint = Authority(folder), f"tls/localhost:{free_port()}"
+    table = authority.table({"ada": ("command",), "bob": ("read",)})
+    with ride(machine) as on, pad(tmp_path) as made:
+        gateway = machine.serve("Gateway", "--robot", ROBOT, "--listen", endpoint, "--security", str(table))
+
+        def teleop(user: str) -> Started:
+            login = ("--connect", endpoint, "--security", str(credentials(authority, user, folder)))
+            return machine.start("teleop", "--robot", ROBOT, "--gamepad", str(made.path), *login)
+
+        made.move(y=-1.0)
+        made.press("tl")
+        bob = teleop("bob")
+        assert bob.wait() == 1
+        assert "RServer.drive needs the right to command, and bob may only read" in bob.err
+        made.press("tl")
+        ada = teleop("ada")
+        on.driven_by_operator(ada, on.newest())
+        gateway.tell(signal.SIGSTOP)
+        on.driven_by_network(on.newest())
+        gateway.tell(signal.SIGCONT)
+        on.driven_by_operator(ada, on.newest())
+        assert ada.interrupt() == 0
