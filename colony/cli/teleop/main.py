@@ -185,14 +185,7 @@ def _hand_input(gamepad: str | None, layout: PadLayout) -> GamepadInput | Keyboa
 
 
 async def _operate(
-    session: Session,
-    name: str,
-    source: GamepadInput | Keyboard,
-    *,
-    priority: int,
-    lease_s: float,
-    speed: float | None,
-    turn: float | None,
+    session: Session, name: str, source: GamepadInput | Keyboard, priority: int, **settings: Any
 ) -> None:
     from colony.cli.interruption import termination_signals
     from colony.cli.stop import stop_robot
@@ -201,7 +194,7 @@ async def _operate(
 
     stop = partial(stop_robot, name, session)
     async with AsyncSession(session.hub).connect("RServer", name=NAME, priority=priority) as base:
-        operation = Teleoperation(base, source, priority, lease_s, stop, speed=speed, turn=turn)
+        operation = Teleoperation(base, source, priority, stop, **settings)
         for number in termination_signals():
             asyncio.get_running_loop().add_signal_handler(number, operation.end)
         await operation.run()

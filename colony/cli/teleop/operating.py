@@ -12,6 +12,7 @@ import sys
 import time
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
+from shutil import get_terminal_size
 from typing import NamedTuple
 
 import click
@@ -23,6 +24,7 @@ from colony.runtime.kit.errors import RobotConnectionError
 from colony.runtime.library import robot
 from colony.runtime.library.ask import CallRequest
 from colony.runtime.library.robot import BaseArbitration
+from colony.text.wording import printable
 
 STATUS_INTERVAL_S = 0.25
 """Seconds between two reports of who drives, and between two looks for a gamepad that is gone."""
@@ -106,8 +108,8 @@ class Teleoperation:
         base: the connection to RServer.
         source: what the operator holds.
         priority: that of the connection.
-        lease_s: seconds for which a command holds if it is not repeated.
         stop: stops the robot in an emergency; it may block.
+        lease_s: seconds for which a command holds if it is not repeated.
         speed: the speed in mm/s at full deflection; None for a part of what the base takes.
         turn: the same of the turn rate, in deg/s.
     """
@@ -117,9 +119,9 @@ class Teleoperation:
         base: AsyncConnection,
         source: GamepadInput | Keyboard,
         priority: int,
-        lease_s: float,
         stop: Callable[[], object],
         *,
+        lease_s: float,
         speed: float | None = None,
         turn: float | None = None,
     ) -> None:
@@ -247,10 +249,13 @@ class Teleoperation:
     def _print(self, line: DriverLine) -> None:
         """Print a line: on a terminal over the last one, elsewhere if the party has changed."""
         party = "; ".join(filter(None, (self._source.problem, self._problem, line.party)))
+        text = printable(f"{party}{line.details}")
+        if sys.stdout.isatty() and self._tasks:
+            return  # a stop prints a line of its own
         if sys.stdout.isatty():
-            click.echo(f"\r\x1b[K{party}{line.details}", nl=False)
+            click.echo(f"\r\x1b[K{text[: get_terminal_size().columns - 1]}", nl=False)
         elif party != self._printed:
-            click.echo(f"{party}{line.details}")
+            click.echo(text)
         self._printed = party
 
     def _end_line(self) -> None:

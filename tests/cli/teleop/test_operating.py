@@ -168,7 +168,7 @@ class Stage:
         async def main() -> None:
             session = AsyncSession(self.session.hub)
             async with session.connect("RServer", name=NAME, priority=priority) as base:
-                operation = Teleoperation(base, source, priority, lease_s, self.stop, speed=400.0)
+                operation = Teleoperation(base, source, priority, self.stop, lease_s=lease_s, speed=400.0)
                 running = asyncio.create_task(operation.run())
                 done, _ = await asyncio.wait(
                     {running, asyncio.ensure_future(script())}, return_when=asyncio.FIRST_COMPLETED
