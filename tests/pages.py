@@ -50,6 +50,7 @@ NOT_RUN = {
     "^(source /opt/|ros2 )": "needs ROS 2",
     "^colony data ": "needs a robot that is served; tests/cli/test_data.py",
     "^colony params (list$|set|reset|save)": "needs a robot that runs; tests/cli/test_params.py",
+    "^colony teleop": "needs a robot that is served, and a hand; tests/cli/teleop",
     "^colony sim hold ": "needs a robot that is served; tests/cli/sim",
     r"connect\(.*, priority=50\)": "needs a robot that is served; tests/test_runtime_page.py",
     "^(touch|rm) go|^cat hitch": "are for a robot that is served; tests/cli/test_your_robot.py",

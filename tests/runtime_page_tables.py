@@ -74,7 +74,7 @@ class _Security(NamedTuple):
 
 
 COMMANDED = {
-    **dict.fromkeys(("command", "ignore_limits", "lock", "unlock", "arbitration"), actuator),
+    **dict.fromkeys(("command", "give_way", "ignore_limits", "lock", "unlock", "arbitration"), actuator),
     "deploy": clock,
 }
 """Methods of every server that takes commands, but for RServer."""

@@ -46,7 +46,7 @@ ALLOWED: dict[str, set[str]] = {
     },
     "experiment": {"ir", "dsl", "execute", "runtime", "analysis", "nav", "runs"},
 }
-ALLOWED["cli"] = set(ALLOWED) - {"drivers"}
+ALLOWED["cli"] = set(ALLOWED)
 """The packages that a package may import, besides itself, `text` and the base."""
 
 THIRD_PARTY: dict[str, set[str]] = {
@@ -237,6 +237,7 @@ PROCESSES: tuple[tuple[str, str, set[str]], ...] = (
     ("leader", _command("drive", "wander", "--robot", "pioneer"), HEAVY - {"lark"}),
     ("shadow", _command("shadow", "wander", "--robot", "pioneer"), HEAVY - {"lark"}),
     ("watch", _command("watch", "--robot", "pioneer"), HEAVY | {"colony.sim"}),
+    ("teleop", _command("teleop"), HEAVY | FRONT_END | {"serial"}),
     ("ps", _command("ps"), HEAVY | FRONT_END | {"colony.sim", "colony.nav"}),
     (
         "supervisor",

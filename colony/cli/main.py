@@ -37,6 +37,7 @@ COMMANDS = {
     "drive": "run a behavior on a robot that is served",
     "shadow": "show what a behavior would do on a robot that is served",
     "watch": "watch a recording or a running robot in the browser",
+    "teleop": "drive a robot by hand, with a gamepad or keys",
     "ps": "show the running robots and their state",
     "stop": "stop robots immediately, in an emergency",
     "data": "list, read, set and delete shared variables",

@@ -95,14 +95,15 @@ def _command(name: str, release: bool, connect: str | None, security: Path | Non
         return EXIT_MISUSE
     with session:
         try:
-            done = _release(name, session) if release else _stop(name, session)
+            done = _release(name, session) if release else stop_robot(name, session)
         except RobotConnectionError as problem:
             say(f"{name}: error: {problem}")
             return EXIT_ERRORS
     return 0 if done else EXIT_ERRORS
 
 
-def _stop(name: str, session: Session) -> bool:
+def stop_robot(name: str, session: Session) -> bool:
+    """Stop a robot in an emergency, and print what has become of it; return True if the stop is kept."""
     from colony.runtime.kit.emergency import INSIST_S, StopButton
 
     with StopButton(session, name="colony stop") as button:

@@ -65,13 +65,14 @@ class Started:
         environment: Mapping[str, str],
         folder: Path,
         enter: tuple[str, ...] = (),
+        stdin: int = subprocess.DEVNULL,
     ) -> None:
         self._out, self._err = folder / "out", folder / "err"
         folder.mkdir()
         with self._out.open("wb") as out, self._err.open("wb") as err:
             self.process = subprocess.Popen(
                 [*enter, sys.executable, "-m", "colony.cli.main", *arguments],
-                stdin=subprocess.DEVNULL,
+                stdin=stdin,
                 stdout=out,
                 stderr=err,
                 env=environment,
@@ -129,10 +130,10 @@ class Machine:
         }
         self._started: list[Started] = []
 
-    def start(self, *arguments: str, enter: tuple[str, ...] = ()) -> Started:
+    def start(self, *arguments: str, enter: tuple[str, ...] = (), stdin: int = subprocess.DEVNULL) -> Started:
         """Run `colony ARGUMENTS`, by a command that begins with `enter` if need be."""
         folder = self._folder / f"{len(self._started)}"
-        started = Started(arguments, self.environment, folder, enter or self._enter)
+        started = Started(arguments, self.environment, folder, enter or self._enter, stdin)
         self._started.append(started)
         return started
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from colony.cli.ps import _resident
+from colony.runtime.arbitration.motion import STILL
 from colony.runtime.kit.robot_state import RobotState
 from colony.runtime.library.clock import Participants
 from colony.runtime.library.robot import BaseArbitration
@@ -41,6 +42,9 @@ def test_a_server_that_the_limits_have_not_reached_is_named(leader: str | None, 
         lock_holder=None,
         lock_waiting=(),
         stopped=None,
+        sent=STILL,
+        low=STILL,
+        high=STILL,
     )
     state = RobotState(robot="rome", servers=(), run=None, arbitration=arbitration, participants=participants)
     assert _resident(state, participants) == expected

@@ -32,6 +32,7 @@ from tests.cli.machine import MAP, WANDER
         "serve all --robot create2 --port /dev/ttyUSB0",
         "serve RServer --robot create2 --port /dev/ttyUSB0",
         "watch --robot rome",
+        "teleop --gamepad",
     ],
 )
 def test_a_run_directory_that_is_open_to_others_is_refused_by_every_command(

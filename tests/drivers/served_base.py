@@ -181,6 +181,10 @@ class Served:
         self.supervisor = self._machine.start("serve", "all", "--robot", base.robot, *port)
         self.leader: Started | None = None
 
+    def start(self, *arguments: str) -> Started:
+        """Run `colony ARGUMENTS` beside it."""
+        return self._machine.start(*arguments)
+
     # --- what is running -----------------------------------------------------------------------------
 
     @property

@@ -28,6 +28,9 @@ HOLD, WITH_BUTTON = "colony sim hold", "colony serve all --robot amr --map loop"
 OF_ROS = "colony robot import"
 """The command that needs a graph of ROS 2; `tests/ros2` has one."""
 
+BY_HAND = "colony teleop"
+"""The command that needs a gamepad; `tests/cli/teleop` has one."""
+
 WATCH = "colony watch"
 """The command that serves a page until it is ended."""
 
@@ -74,7 +77,7 @@ def check_readme(everything: Environment, place: Path) -> None:
     with _served(everything, WITH_BUTTON, folder, "Panel"):
         everything.run(*shlex.split(hold), folder=folder)
     for line in lines[at + 1 + len(asked) :]:
-        if line != hold and not line.startswith(OF_ROS):
+        if line != hold and not line.startswith((OF_ROS, BY_HAND)):
             everything.run(*shlex.split(line), folder=folder)
     for name in ("run.mcap", "wander.svg", "run.png", "patrol/test_patrol.py", "side.seen.png"):
         assert (folder / name).exists(), name

@@ -129,6 +129,15 @@ def command(name: str, values: Mapping[str, bool | float], lease: float = LEASE_
     return CallRequest("command", arguments, type(None), "command")
 
 
+def give_way() -> CallRequest[None]:
+    """End what this connection commands, without waiting for the end of its lease.
+
+    The next connection or client in the order of priorities commands then, in the frame that is being decided
+    if it can. Nothing is sent in the place of the command.
+    """
+    return CallRequest("give_way", NoArguments(), type(None), "command", repeatable=True)
+
+
 def ignore_limits(ignoring: bool = True) -> CallRequest[None]:
     """Command beyond the limits of the program, or within them again; ranges and bumpers still hold.
 

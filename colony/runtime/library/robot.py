@@ -1,7 +1,7 @@
 """Calls of RServer: move the base, read its state, lock it (thesis section 4.6.3, Table 4.1).
 
-`lock`, `unlock` and `ignore_limits` are those of `library/actuator.py`. For the emergency stop see
-`library/emergency.py`.
+`give_way`, `lock`, `unlock` and `ignore_limits` are those of `library/actuator.py`. For the emergency stop
+see `library/emergency.py`.
 
     connection.do(robot.move(1500, velocity=250))
     where = connection.do(robot.position())
@@ -27,8 +27,9 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from colony.runtime.arbitration.motion import Mode, MotionCall
+from colony.runtime.arbitration.motion import Mode, MotionCall, Speeds
 from colony.runtime.library.actuator import LEASE_S, ClientReport
+from colony.runtime.library.actuator import give_way as give_way
 from colony.runtime.library.actuator import ignore_limits as ignore_limits
 from colony.runtime.library.actuator import lock as lock
 from colony.runtime.library.actuator import unlock as unlock
@@ -179,7 +180,8 @@ class BaseArbitration(msgspec.Struct, frozen=True, kw_only=True):
 
     `run` is "" if no program is deployed; `leader` is the connection that deployed it; `acting` is the client
     or connection that commanded the base in the newest frame. `outside` is in the order of priorities,
-    `lock_waiting` in the order in which connections will get the lock.
+    `lock_waiting` in the order in which connections will get the lock. `sent` are the speeds that were sent
+    last; `low` and `high` are the ends of what `drive` takes now.
     """
 
     run: str
@@ -190,6 +192,9 @@ class BaseArbitration(msgspec.Struct, frozen=True, kw_only=True):
     lock_holder: str | None
     lock_waiting: tuple[str, ...]
     stopped: Stopped | None
+    sent: Speeds
+    low: Speeds
+    high: Speeds
 
 
 # --- calls -----------------------------------------------------------------------------------------

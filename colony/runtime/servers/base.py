@@ -143,7 +143,8 @@ class Base:
         self._pose = OdometerPose(0.0, 0.0, 0.0)
         self._state: BaseState | None = None
         self._bumpers_watched = True
-        self._setting = STILL
+        self.setting = STILL
+        """The speeds that were sent last."""
         self.commanded_ns: int | None = None
         """Time at which speeds were sent last; None while the base is stopped."""
 
@@ -158,7 +159,7 @@ class Base:
         return (
             method("bumper", NoArguments, self._bumper, right="read"),
             method("position", NoArguments, self._position, right="read"),
-            method("speed_setting", NoArguments, lambda *_: self._setting.velocity, right="read"),
+            method("speed_setting", NoArguments, lambda *_: self.setting.velocity, right="read"),
             method("wheel_speed", NoArguments, lambda *_: self.require_state().wheel_speed, right="read"),
             method("set_bumper", robot.SetBumper, self._set_bumper),
             method("set_position", robot.PoseArguments, self._set_position),
@@ -196,11 +197,11 @@ class Base:
     def fields(self, t_ns: int) -> Fields:
         """Return the fields of the base in a frame of `t_ns`, as of the last `refresh`."""
         settings = {
-            "speed_setting": Sample(self._setting.velocity, t_ns),
-            "turn_setting": Sample(self._setting.turn, t_ns),
+            "speed_setting": Sample(self.setting.velocity, t_ns),
+            "turn_setting": Sample(self.setting.turn, t_ns),
         }
         if self._drives_sideways:
-            settings["sideways_setting"] = Sample(self._setting.sideways, t_ns)
+            settings["sideways_setting"] = Sample(self.setting.sideways, t_ns)
         state = self._state
         if state is None:
             return settings
@@ -224,7 +225,7 @@ class Base:
         """Return the input of the motion laws, for frames of `frame_ns`."""
         elapsed_ns = frame_ns if self.commanded_ns is None else now_ns - self.commanded_ns
         elapsed_s = min(max(elapsed_ns, 0), 2 * frame_ns) / 1e9
-        return BaseObservation(self._odometer.continuous_pose, self._setting, elapsed_s)
+        return BaseObservation(self._odometer.continuous_pose, self.setting, elapsed_s)
 
     def drive(self, speeds: Speeds, now_ns: int) -> Bumper | None:
         """Send these speeds to the base; a pressed bumper blocks the velocity toward it.
@@ -234,7 +235,7 @@ class Base:
             are ignored.
         """
         bumper = self._blocking_bumper(speeds.velocity)
-        setting = self._setting = speeds if bumper is None else speeds._replace(velocity=0.0)
+        setting = self.setting = speeds if bumper is None else speeds._replace(velocity=0.0)
         if self._drives_sideways:
             cast(OmnidirectionalDriver, self._driver).drive(*setting)
         else:
@@ -244,7 +245,7 @@ class Base:
 
     def stop(self, commanded_ns: int | None = None) -> None:
         """Stop the base, at a command of this time or without one."""
-        self._setting, self.commanded_ns = STILL, commanded_ns
+        self.setting, self.commanded_ns = STILL, commanded_ns
         self._driver.stop()
 
     def rest(self) -> bool:
@@ -252,7 +253,7 @@ class Base:
         rest = getattr(self._driver, "rest", None)
         if rest is None:
             return False
-        self._setting, self.commanded_ns = STILL, None
+        self.setting, self.commanded_ns = STILL, None
         rest()
         return True
 

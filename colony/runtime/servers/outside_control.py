@@ -125,6 +125,7 @@ class OutsideControl(ABC, Generic[C]):
     def methods(self) -> tuple[Method, ...]:
         """The methods that every server with actuators has."""
         return (
+            method("give_way", NoArguments, self._give_way),
             method("ignore_limits", actuator.IgnoreLimits, self._ignore_limits, right="unlimited"),
             method("lock", actuator.Lock, self._acquire_lock),
             method("unlock", NoArguments, self._release_lock),
@@ -298,6 +299,12 @@ class OutsideControl(ABC, Generic[C]):
 
     # --- calls ---------------------------------------------------------------------------------------
 
+    def _give_way(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> None:
+        for contest in self._contests():
+            if (commander := contest.commanders.find(call_id.caller)) is not None:
+                self._cancel(commander, _GAVE_WAY)
+                self.changed = True
+
     def _ignore_limits(self, call_id: CallId, arguments: actuator.IgnoreLimits, now_ns: int) -> None:
         entered = [c.commanders.enter(call_id.caller, c.clients) for c in self._contests()]
         for commander in entered:
@@ -331,6 +338,7 @@ class OutsideControl(ABC, Generic[C]):
 
 
 _REPLACED = RefusedError("replaced", "this connection commanded something else")
+_GAVE_WAY = RefusedError("replaced", "this connection gave way")
 
 
 # --- outside commands ----------------------------------------------------------------------------------

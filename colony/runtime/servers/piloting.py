@@ -463,6 +463,13 @@ class Pilot(OutsideControl[Motion]):
                 text = f"the {reason} bumper is pressed, after {progress:.4g} {unit}"
                 self.answers.append((call_id, RefusedError("bumper", text)))
 
+    @property
+    def ends(self) -> tuple[Speeds, Speeds]:
+        """The least and the greatest speeds that connections may command now."""
+        allowed = self._allowed(self.state.actuators[DRIVE])
+        low, high = zip(allowed.velocity, allowed.turn, allowed.sideways, strict=True)
+        return Speeds(*low), Speeds(*high)
+
     def report(self, now_ns: int) -> tuple[robot.BaseOutsideReport, ...]:
         """Return the connections that have commanded, and their current commands."""
         return tuple(

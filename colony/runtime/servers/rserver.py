@@ -150,6 +150,7 @@ class BaseActuator(CommandedActuators[Motion]):
         self.activate(None, now_ns)
 
     def _arbitration(self, call_id: CallId, arguments: NoArguments, now_ns: int) -> robot.BaseArbitration:
+        low, high = self._pilot.ends
         return robot.BaseArbitration(
             run=self._state.run or "",
             acting=self._acting.get(DRIVE),
@@ -160,6 +161,9 @@ class BaseActuator(CommandedActuators[Motion]):
                 for dispatcher in self._dispatchers
                 for report in dispatcher.reports({})
             ),
+            sent=self._base.setting,
+            low=low,
+            high=high,
             **self._parties(now_ns),
         )
 

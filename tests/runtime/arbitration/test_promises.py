@@ -16,7 +16,7 @@ from colony.runtime.library import emergency, robot
 from colony.runtime.library.ask import CallRequest
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.calls import NoArguments
-from colony.runtime.protocol.messages import Call, Malformed, SendMessage, Tick
+from colony.runtime.protocol.messages import Call, Malformed, Problem, SendMessage, Tick
 from tests.kit.base import CLIENTS, Stage, bid, silent, stage_in_run
 from tests.kit.calling import call_of
 from tests.kit.node_stage import FRAME_NS, MS
@@ -78,6 +78,35 @@ def test_freshness_is_finite(stage: Stage, lease: float) -> None:
     problem = stage.problem("op/1", robot.drive(100.0, 0.0, lease))
     assert problem.code == "arguments"
     assert "expected more than 0 and at most 60 s" in problem.message
+
+
+def test_who_gives_way_sends_nothing_in_its_place(stage: Stage) -> None:
+    """A joystick that is let go sends zeros until its time-out, and nobody else drives."""
+    stage.open("op/1", priority=9)
+    stage.do("op/1", robot.drive(100.0, 0.0, 60.0))
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"), count=2)
+    stage.do("op/1", robot.give_way())
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    stage.do("op/1", robot.drive(100.0, 0.0, 60.0))
+    stage.tick()
+    stage.do("op/1", robot.give_way())  # that frame went out at its tick
+    stage.do("op/1", robot.give_way())  # nothing is left to end
+    stage.frame(bid("cruise", 300.0, 0.0), *silent("cruise"))
+    told = [verdict.values for verdict in stage.verdicts]
+    assert told == [(100.0, 0.0), (100.0, 0.0), (300.0, 0.0), (100.0, 0.0), (300.0, 0.0)]
+    move = stage.send("op/1", robot.move(500.0))
+    stage.tick()
+    stage.do("op/1", robot.give_way())
+    assert stage.replies["op/1", move].problem == Problem(code="replaced", message="this connection gave way")
+
+
+def test_speeds_that_are_taken_and_those_that_were_sent_are_reported(stage: Stage) -> None:
+    stage.open("op/1", priority=9)
+    stage.do("op/1", robot.drive(100.0, -20.0))
+    stage.frame(*silent())
+    found = stage.do("op/1", robot.arbitration())
+    assert (found.low, found.high) == ((-300.0, -60.0, 0.0), (500.0, 60.0, 0.0))
+    assert found.sent == (100.0, -20.0, 0.0)
 
 
 def test_freshness_has_a_default() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -46,7 +47,10 @@ def bounds(k: int, low: float = 0.0, high: float = 250.0, **options: Any) -> Bou
 # --- leases ----------------------------------------------------------------------------------------------
 
 
-def test_where_the_program_holds_the_device_is_made_safe_when_a_command_of_a_connection_ends() -> None:
+@pytest.mark.parametrize("end", [Caller.close, lambda eve: eve.do(actuator.give_way())])
+def test_where_the_program_holds_the_device_is_made_safe_when_a_command_of_a_connection_ends(
+    end: Callable[[Caller], None],
+) -> None:
     stage = Stage(program("run", HOLDING))
     stage.decide(1, 300.0, True)
     stage.decide(2)
@@ -54,7 +58,7 @@ def test_where_the_program_holds_the_device_is_made_safe_when_a_command_of_a_con
     eve = stage.connect("eve/1", 50)
     eve.do(to(100.0))
     stage.decide(3)
-    eve.close()
+    end(eve)
     stage.decide(4)
     stage.decide(5)
     assert stage.take() == [(100.0, True), "safe"]
