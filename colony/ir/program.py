@@ -253,12 +253,14 @@ class Machine(Declared):
 
     The first transition of the present phase that applies takes effect in the next frame. One whose condition
     reads a missing value leaves its memory unchanged; it applies if it is failsafe, and otherwise keeps those
-    below it from applying, failsafe ones excepted. The memory of all others advances in any phase.
+    below it from applying, failsafe ones excepted. The memory of all others advances in any phase. That of a
+    sequence has `tasks`, the phases of its tasks in order.
     """
 
     type: Enum
     start: float
     transitions: tuple[Transition, ...]
+    tasks: tuple[str, ...] = ()
 
 
 Derived = Let | State | Machine

@@ -13,12 +13,17 @@ from colony.text.diagnostics import Diagnostic, note, warning
 
 def phase_findings(checker: Checker, node: ast.MachineDecl, machine: Machine) -> Iterator[Diagnostic]:
     """Yield a warning for each phase that nothing leads to, and a note for each that nothing leaves."""
+    tasks = {task.text for task in node.tasks}
     taken = {name: _targets(machine, number) for name, number in machine.type.members}
     reached = _reached(machine, taken)
     for phase in _phases(node):
         name = phase.text
+        if tasks and (name in reached or name not in tasks):
+            continue
         if name not in reached:
-            if _is_target(node, name):
+            if tasks:
+                hint = "correct the `until` of the task above, or name this one after an `else`"
+            elif _is_target(node, name):
                 hint = "correct the conditions of the transitions to it, or of those that lead there"
             else:
                 hint = f"add a transition `... -> {name} when ...`, or remove the phase"
@@ -32,7 +37,7 @@ def phase_findings(checker: Checker, node: ast.MachineDecl, machine: Machine) ->
 
 def _phases(node: ast.MachineDecl) -> tuple[ast.NameNode, ...]:
     """Return the first mention of each phase, in the order written."""
-    phases = {node.initial.text: node.initial}
+    phases = {name.text: name for name in (node.initial, *node.tasks)}
     for transition in node.transitions:
         for phase in (transition.source, transition.target):
             if phase is not None:

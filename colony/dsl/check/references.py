@@ -31,6 +31,7 @@ from colony.dsl.check.scope import (
     ParamSymbol,
     PlaceholderSymbol,
     SensorSymbol,
+    SequenceSymbol,
     StateSymbol,
     TunableSymbol,
     ValueSymbol,
@@ -65,21 +66,25 @@ def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | 
     if head in checker.local:
         return _member(checker, node, checker.local[head], node.path[1:])
     scope, path = checker.scope.resolve(node.path)
-    symbol, network_symbol = scope.value(path[0]), scope.network_symbol(path[0])
+    symbol, part = scope.value(path[0]), _part_with_members(scope, path)
     if symbol is not None and len(path) == 1:
         return _value(checker, node, symbol)
     if isinstance(symbol, BrokenSymbol):
         return None
-    if isinstance(symbol, EnumSymbol | MachineSymbol) and not _is_network_member(
-        checker, symbol, network_symbol, path[1]
-    ):
-        return _member(checker, node, symbol, path[1:])
-    if network_symbol is not None and len(path) == 2:
-        return _network_member(checker, node, network_symbol, path[1])
+    is_value = isinstance(symbol, EnumSymbol | MachineSymbol) and len(path) == 2
+    if part is not None and not (is_value and not _is_network_member(checker, symbol, part, path[1])):
+        return _network_member(checker, node, part, path[-1])
     if symbol is not None:
         return _member(checker, node, symbol, path[1:])
     _unknown(checker, node, scope, path[0])
     return None
+
+
+def _part_with_members(scope: FileScope, path: tuple[str, ...]) -> NetworkSymbol | None:
+    """Return the module, wire or actuator of `part.member` or, in a sequence, of `sequence.part.member`."""
+    if len(path) == 3 and isinstance(scope.network_symbol(path[0]), SequenceSymbol):
+        return scope.network_symbol(".".join(path[:2]))
+    return scope.network_symbol(path[0]) if len(path) == 2 else None
 
 
 def _sent_before(checker: Checker, node: ast.Reference) -> ir.Expression | None:
@@ -181,10 +186,11 @@ def _member_word(enum: Enum) -> str:
 
 
 def _is_network_member(
-    checker: Checker, symbol: EnumSymbol | MachineSymbol, network_symbol: NetworkSymbol | None, name: str
+    checker: Checker, symbol: ValueSymbol | None, network_symbol: NetworkSymbol, name: str
 ) -> bool:
     """Return True if `owner.name` is a member of a module or actuator, although `owner` is also a value."""
-    if not checker.in_contract_or_test or name in dict(symbol.type.members):
+    is_known = isinstance(symbol, EnumSymbol | MachineSymbol) and name in dict(symbol.type.members)
+    if is_known or not checker.in_contract_or_test:
         return False
     match network_symbol:
         case ActuatorSymbol(actuator=actuator):
@@ -227,8 +233,8 @@ def _network_member(
                 or "a contract can read the module's params, inputs, lets and states"
             )
             checker.error("E108", node, f"module `{owner}` has no `{name}`", hint)
-        case WireSymbol():
-            checker.error("E108", node, f"`{owner}` is a wire and has no `{name}`")
+        case WireSymbol() | SequenceSymbol():
+            checker.error("E108", node, f"`{owner}` is {kind_of_part(network_symbol)} and has no `{name}`")
     return None
 
 
@@ -307,6 +313,8 @@ def kind_of_part(symbol: NetworkSymbol) -> str:
             return "an actuator"
         case WireSymbol():
             return "a wire"
+        case SequenceSymbol():
+            return "a sequence"
         case _:
             return "a module"
 
@@ -377,7 +385,7 @@ def network_symbol_of(checker: Checker, node: ast.Expression) -> NetworkSymbol |
 
 def resolve_network_symbol(checker: Checker, node: ast.Reference) -> NetworkSymbol | None:
     """Return the module, wire or actuator of this name, or None after an error."""
-    scope, path = checker.scope.resolve(node.path)
+    scope, path = checker.scope.resolve_part(node.path)
     network_symbol: NetworkSymbol | None = None
     if len(path) == 1 and scope is not checker.scope:
         network_symbol = scope.actuator_wires.get(path[0])
@@ -392,6 +400,10 @@ def resolve_network_symbol(checker: Checker, node: ast.Reference) -> NetworkSymb
         return None
     if isinstance(network_symbol, ModuleSymbol) and network_symbol.unbound:
         _report_unbound(checker, node, node.text, network_symbol)
+        return BrokenSymbol()
+    if isinstance(network_symbol, SequenceSymbol):
+        hint = f"name one of its tasks or wires: `{node.text}.TASK`, `{node.text}.ACTUATOR`"
+        checker.error("E106", node, f"`{node.text}` is a sequence, not a module, wire or actuator", hint)
         return BrokenSymbol()
     if network_symbol is None and not reject_private_name(checker, node, scope, path[0]):
         known_names = [*scope.visible_network_symbols, *scope.robot.network_symbols, *scope.aliases]

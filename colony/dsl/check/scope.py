@@ -338,13 +338,20 @@ class WireSymbol(Record):
 
 
 @record
+class SequenceSymbol(Record):
+    """A sequence by its full name; its tasks are modules, and its wires wires, called `sequence.name`."""
+
+    name: str
+
+
+@record
 class ActuatorSymbol(Record):
     """An actuator of the robot."""
 
     actuator: ir.Actuator
 
 
-NetworkSymbol = ModuleSymbol | WireSymbol | ActuatorSymbol | BrokenSymbol
+NetworkSymbol = ModuleSymbol | WireSymbol | SequenceSymbol | ActuatorSymbol | BrokenSymbol
 
 
 @dataclass(slots=True)
@@ -412,7 +419,7 @@ class FileScope:
 
     def network_symbol(self, name: str) -> NetworkSymbol | None:
         """Return the module, wire or actuator of a name; `BrokenSymbol` and None are as for `value`."""
-        owner = None if self._hides(name) else self.visible_network_symbols.get(name)
+        owner = None if self._hides(name) else self.visible_network_symbols.get(name.partition(".")[0])
         symbol = self.robot.network_symbols.get(name) if owner is None else owner.network_symbols.get(name)
         if self.robot.absent and isinstance(symbol, WireSymbol):
             return BrokenSymbol()  # it may be an actuator of the missing robot
@@ -444,9 +451,16 @@ class FileScope:
             else (replace(scope, robot=RobotScope(), is_read_by_alias=True), path)
         )
 
+    def resolve_part(self, path: tuple[str, ...]) -> tuple[FileScope, tuple[str, ...]]:
+        """Follow aliases as `resolve` does; a part of a sequence has one name, `sequence.part`."""
+        scope, path = self.resolve(path)
+        is_part = len(path) == 2 and isinstance(scope.network_symbol(path[0]), SequenceSymbol)
+        return scope, (".".join(path),) if is_part else path
+
     def full_name(self, name: str) -> str:
         """Return the full name, in the program, of a name declared in this file."""
-        return self.private_names.get(name) or self.file.prefix + name
+        head, dot, rest = name.partition(".")  # the parts of a sequence are called `sequence.part`
+        return f"{self.private_names.get(head) or self.file.prefix + head}{dot}{rest}"
 
 
 def is_private(name: str) -> bool:
