@@ -374,9 +374,12 @@ class Elements(SyntaxNode):
 
 @record
 class GivenDecl(SyntaxNode):
-    """`sensor[index .. last] = value taken age ago`, after `given`; one element without `last`."""
+    """`sensor[index .. last] = value taken age ago`, after `given`; one element without `last`.
 
-    sensor: Reference
+    `sensor` is a `By` or an `Is` for what a module did in the frame before.
+    """
+
+    sensor: Reference | By | Is
     index: Expression | None
     last: Expression | None = None
     value: Expression | Missing | Elements

@@ -345,4 +345,4 @@ def _given(node: ast.GivenDecl) -> str:
         case _:
             value = print_expression(node.value)
     taken = "" if node.taken_ago is None else f" taken {print_expression(node.taken_ago)} ago"
-    return f"{node.sensor.text}{index} = {value}{taken}"
+    return f"{print_expression(node.sensor)}{index} = {value}{taken}"

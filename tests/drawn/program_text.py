@@ -58,6 +58,7 @@ class _Text:
         self.phases: Sequence[str] = ()
         self.params: Constants = {}
         self.own_params: dict[str, Dimension] = {}  # `module.name`
+        self.roles = False
 
     def program(self) -> str:
         self.robot()
@@ -112,7 +113,10 @@ class _Text:
             self.sent_before()
 
     def sent_before(self) -> None:
-        """Let everything read what one or two fields of actuators were given in the frame before."""
+        """Let everything read what one or two fields of actuators were given in the frame before.
+
+        Sometimes also what modules did in it: the first, which is written below, and all above what reads it.
+        """
         fields: list[tuple[str, Type]] = [
             ("drive.velocity", Quantity(SPEED)),
             ("drive.turn", Quantity(TURN_RATE)),
@@ -122,6 +126,14 @@ class _Text:
         fields += [(f"probe{i}.seen", type_) for i, type_ in enumerate(self.probe_types)]
         for field, type_ in dict(self.choices.pick(fields) for _ in range(2)).items():
             self.readable(f"last.{field}", type_, fresh=True)
+        self.roles = self.choices.one_in(2)
+        self.role_of("m0", "drive")
+
+    def role_of(self, module: str, actuator: str | None) -> None:
+        """Let everything below read what a module did in the frame before."""
+        if self.roles and actuator is not None:
+            self.readable(f"(last.{actuator} by {module})", BOOL)
+            self.readable(f"(last.{module} is active)", BOOL)
 
     def range(self, high: int) -> str:
         """Return a range in the declared unit, or nothing."""
@@ -257,6 +269,8 @@ class _Text:
         self.scope = outer
         self.parts += members
         self.ports.append(Port(name=name, actuators=frozenset({actuator})))
+        if i > 0:
+            self.role_of(name, actuator)
 
     def failsafe(self) -> str:
         return self.choices.pick(("", "", "failsafe "))
@@ -288,13 +302,15 @@ class _Text:
         path = "tests.drawn.python_modules:ErraticModule"
         self.add(f'{self.failsafe()}module {name} from python "{path}" {{')
         self.add(f"  param seed = {self.choices.up_to(7)}")
-        reads = list(dict.fromkeys(self.choices.pick(self.scope.names).text for _ in range(2)))
+        names = [n.text for n in self.scope.names if " " not in n.text]
+        reads = list(dict.fromkeys(self.choices.pick(names) for _ in range(2)))
         self.add(f"  reads {', '.join(reads)}")
         self.add("  commands drive")
         if self.choices.one_in(2):
             self.add(f"  rate {self.choices.pick((100, 50, 120))} ms")
         self.add("}")
         self.ports.append(Port(name=name, actuators=frozenset({"drive"})))
+        self.role_of(name, "drive")
 
     def variations(self) -> None:
         """Write a module derived from another, sometimes with an overridden param."""

@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 from colony.analysis.audit import audit
 from colony.analysis.report import objection, outside_objection, same_values
 from colony.ir.frame import MISSED, Decision, Frame, Outcome, given_in_frame
-from colony.ir.program import Program, in_declared_units
+from colony.ir.program import Program, Role, in_declared_units
 from colony.runtime.protocol.messages import Tick, Verdict
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import ProofOptions, Proved
@@ -308,7 +308,9 @@ def check_last(robot: Robot, process: Process, one: Happened) -> None:
             continue
         given, idle = process.given.get(actuator.name), in_declared_units(actuator.idle, actuator.fields)
         late = one.server == "DServer" and one.t_ns - process.t_ns > 2 * robot.program.robot.frame_ns
-        for i in robot.program.robot.indices_read(actuator.name):
+        for i in robot.program.robot.read_before(actuator.name):
+            if isinstance(i, Role):  # see `check_roles`
+                continue
             field = actuator.fields[i]
             sample = fields.get(f"last.{actuator.name}.{field.name}")
             allowed = [None if given is None else given[i]]

@@ -29,6 +29,7 @@ from colony.dsl.check.inputs import (
 )
 from colony.dsl.check.modules import PendingModule, check_modules
 from colony.dsl.check.phases import phase_findings
+from colony.dsl.check.references import role_sensor
 from colony.dsl.check.robot import check_enum, check_input, check_robot, literal_frame_period
 from colony.dsl.check.scope import (
     BrokenSymbol,
@@ -108,6 +109,7 @@ class _Check:
         contracts = self._contracts(robot)
         root_checker = ExpressionChecker(scope=self.root, report=self.report)
         tests = [check_test(root_checker, n) for c, n in self._each(ast.TestDecl) if c.scope is self.root]
+        self._roles()
         if robot is None:
             return None
         assert has_errors(self.report.diagnostics) or not (
@@ -318,6 +320,14 @@ class _Check:
                 contracts[full_name] = found
         return list(contracts.values())
 
+    def _roles(self) -> None:
+        """Add the sensors of what modules did in the frame before, each named place once."""
+        places = {(scope.file.key, n.start, n.end): (scope, n) for scope, n in self.robot.roles}
+        for scope, node in places.values():
+            sensor = role_sensor(ExpressionChecker(scope=scope, report=self.report), node)
+            if sensor is not None:
+                self.robot.sent.setdefault(sensor.name, sensor)
+
     def _tunables(self, templates: frozenset[str]) -> tuple[ir.Sensor, ...]:
         """Return the tunable params that the program reads, without those of templates."""
         found = self.robot.tunables
@@ -386,10 +396,15 @@ class _Check:
         )
 
 
-def _place(robot: ir.Robot, sensor: ir.Sensor) -> tuple[int, int]:
-    """Return the place of the field `last.ACTUATOR.FIELD` among all fields of the robot."""
+def _place(robot: ir.Robot, sensor: ir.Sensor) -> tuple[int, int, str]:
+    """Return the place of a sensor `last...` among all: by actuator its fields, then the roles of modules."""
     assert sensor.sent is not None
-    return [a.name for a in robot.actuators].index(sensor.sent[0]), sensor.sent[1]
+    actuator, of = [a.name for a in robot.actuators].index(sensor.sent.actuator), sensor.sent.of
+    return (
+        (actuator, of, "")
+        if isinstance(of, int)
+        else (actuator, len(robot.actuators[actuator].fields), sensor.name)
+    )
 
 
 _UNREADABLE_CODES = frozenset(
