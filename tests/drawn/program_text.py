@@ -5,6 +5,7 @@ Declarations are drawn and written in an order in which each may read those befo
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -59,6 +60,7 @@ class _Text:
         self.params: Constants = {}
         self.own_params: dict[str, Dimension] = {}  # `module.name`
         self.roles = False
+        self.tasks: list[Port] = []  # of the sequence, which has wires among the ports
 
     def program(self) -> str:
         self.robot()
@@ -66,6 +68,8 @@ class _Text:
         for i in range(self.choices.mostly_large(1, 4)):
             self.module(i)
         self.variations()
+        if self.choices.one_in(3):
+            self.sequence()
         self.watches()
         wires = self.network()
         self.limits()
@@ -331,6 +335,46 @@ class _Text:
             actuators = next(p.actuators for p in self.ports if p.name == name)
             self.ports.append(Port(name="other", actuators=actuators))
 
+    def sequence(self) -> None:
+        """Write a sequence of tasks that are derived from modules above; what is below reads its phases."""
+        bases = [line.split()[1] for line in self.lines if re.match(r"module m\d+ \{", line)]
+        commanding = {p.name: p.actuators for p in self.ports if None not in p.actuators}
+        bases = [name for name in bases if name in commanding]
+        if not bases:
+            return
+        count = self.choices.between(1, 3)
+        tasks, ends = [f"t{i}" for i in range(count)], ["failed", "done"]
+        waits = self.choices.one_in(2)
+        when = f" when {self.write(BOOL, 1)}" if waits else ""
+        self.add(f"sequence chore{when}{self.choices.pick((' keep', ' restart', ''))} {{")
+        actuators: dict[str, str] = {}
+        failures: list[str] = []
+        for task in tasks:
+            base = self.choices.pick(bases)
+            dimension = self.own_params.get(f"{base}.gain")
+            gain = "" if dimension is None else Expressions(self.choices, Scope()).literal(dimension)
+            arguments = f"(gain = {gain})" if gain and self.choices.one_in(2) else ""
+            until = f" until {self.write(BOOL, self.choices.pick((2, 0)))}"
+            if not self.choices.one_in(4):
+                failure = self.choices.pick((*tasks, *ends))
+                failures += [failure] if failure == "failed" else []
+                until += f" within {self.choices.pick(('50 ms', '0.2 s', '120 ms'))} else {failure}"
+            elif "false" in until:  # it may never be true
+                until += " within 300 ms else done"
+            self.add(f"  {task} = {base}{arguments}{until}")
+            (actuators[task],) = commanding[base]  # type: ignore[misc]
+            self.role_of(f"chore.{task}", actuators[task])
+            self.tasks.append(Port(name=f"chore.{task}", actuators=frozenset({actuators[task]})))
+        self.add("}")
+        self.ports += [
+            Port(name=f"chore.{name}", actuators=frozenset({name}))
+            for name in dict.fromkeys(actuators.values())
+        ]
+        phases = ["waiting"] * waits + tasks + ["done", *failures[:1]]
+        members = tuple((p, float(i)) for i, p in enumerate(phases))
+        self.readable("chore", Enum("chore", members, "machine"))
+        self.lines += [f"contract not_{p}: chore != chore.{p}" for p in phases]
+
     def watches(self) -> None:
         """Write modules that command the values of expressions, so that these are compared bit for bit."""
         for i, of in enumerate(self.probe_types):
@@ -367,9 +411,10 @@ class _Text:
     def drawn_contracts(self, wires: Sequence[str]) -> None:
         if not (count := self.choices.up_to(3)):
             return
-        modules = [p.name for p in self.ports]
-        conditions = [f"({name} is active)" for name in (*modules, *wires)]
-        for port in self.ports:
+        modules = [*(p for p in self.ports if "." not in p.name), *self.tasks]
+        names_of_parts = [p.name for p in (*self.ports, *self.tasks)]
+        conditions = [f"({name} is active)" for name in (*names_of_parts, *wires)]
+        for port in modules:
             conditions += [f"({actuator} by {port.name})" for actuator in port.actuators if actuator]
         for actuator in ("drive", *(["light"] * self.light)):
             conditions += [f"({actuator} is commanded)", f"({actuator} is idle)"]

@@ -149,7 +149,8 @@ def _derivation(node: ModuleNode) -> str | None:
     if not isinstance(node, ast.DerivedModuleDecl):
         return None
     given = "..., " if node.arguments else ""
-    return f"module {node.name.text} = {node.base.text}({given}"
+    head = f"module {node.name.text}" if node.phase is None else node.name.text.rpartition(".")[2]
+    return f"{head} = {node.base.text}({given}"
 
 
 # --- derived modules -------------------------------------------------------------------------------

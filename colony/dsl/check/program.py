@@ -43,7 +43,12 @@ from colony.dsl.check.scope import (
     WireSymbol,
 )
 from colony.dsl.check.sequence_text import written_out
-from colony.dsl.check.sequences import waiting_findings, with_modules_of_tasks, write_out_sequences
+from colony.dsl.check.sequences import (
+    bases_of_tasks,
+    waiting_findings,
+    with_modules_of_tasks,
+    write_out_sequences,
+)
 from colony.dsl.check.site_values import bind_params
 from colony.dsl.check.wiring import PendingWire, check_outputs, check_wires, names_reaching_actuators
 from colony.dsl.files import SourceTree
@@ -322,7 +327,7 @@ class _Check:
 
     def _roles(self) -> None:
         """Add the sensors of what modules did in the frame before, each named place once."""
-        places = {(scope.file.key, n.start, n.end): (scope, n) for scope, n in self.robot.roles}
+        places = {(scope.file.key, n.start, n.end, n): (scope, n) for scope, n in self.robot.roles}
         for scope, node in places.values():
             sensor = role_sensor(ExpressionChecker(scope=scope, report=self.report), node)
             if sensor is not None:
@@ -339,7 +344,7 @@ class _Check:
         """Warn about modules and wires of the main file without effect, and about undriven actuators."""
         if has_errors(self.report.diagnostics):
             return
-        used = names_reaching_actuators(wires)
+        used = names_reaching_actuators(wires) | bases_of_tasks(self.root)
         main_source = self.root.file.source
         for kind, parts in (("module", modules), ("wire", wires)):
             for part in parts:

@@ -413,8 +413,8 @@ def role_read(checker: Checker, node: ast.By | ast.Is) -> str | None:
             return None
         kind, named = "active", _module_named(node)
     checker.scope.robot.roles.append((checker.scope, node))
-    scope, path = checker.scope.resolve(named.path)
-    owner = scope.visible_network_symbols.get(path[0]) if len(path) == 1 else None
+    scope, path = checker.scope.resolve_part(named.path)
+    owner = scope.visible_network_symbols.get(path[0].partition(".")[0]) if len(path) == 1 else None
     module = named.text if owner is None else owner.full_name(path[0])
     return program_ir.role_name(subject.path[1], program_ir.Role(kind=kind, module=module))
 

@@ -16,7 +16,7 @@ from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import constant_value
 from colony.dsl.check.declare import ModuleNode, references_in, text_of
 from colony.dsl.check.expressions import ExpressionChecker
-from colony.dsl.check.scope import CheckReport, FileScope, WireSymbol
+from colony.dsl.check.scope import CheckReport, FileScope, ModuleSymbol, WireSymbol
 from colony.dsl.files import ParsedFile
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
@@ -78,6 +78,17 @@ def write_out_sequences(report: CheckReport, scopes: Sequence[FileScope], module
         scope.file = replace(
             scope.file, tree=replace(tree, declarations=(*tree.declarations, *added))
         )  # at the end, below all that their conditions may read
+
+
+def bases_of_tasks(scope: FileScope) -> set[str]:
+    """Return the full names of the modules that the tasks of a file are derived from."""
+    found = set[str]()
+    for node in scope.file.tree.declarations:
+        for task in node.tasks if isinstance(node, ast.SequenceDecl) else ():
+            inner, path = scope.resolve_part(task.base.path)
+            symbol = inner.network_symbol(path[0])
+            found |= {symbol.name} if isinstance(symbol, ModuleSymbol) else set()
+    return found
 
 
 # --- checks ------------------------------------------------------------------------------------------
