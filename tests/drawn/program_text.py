@@ -30,9 +30,9 @@ UNITS: dict[Dimension, tuple[str, ...]] = {
 WINDOWS_NS = (0, 0, 100_000_000, 50_000_000, 150_000_000)
 
 
-def draw_text(choices: Choices, python: bool) -> str:
-    """Draw a text; see `tests.drawn.strategies.texts`."""
-    return _Text(choices, python).program()
+def draw_text(choices: Choices, python: bool, sequence: bool = False) -> str:
+    """Draw a text, with `sequence` one that has a sequence; see `tests.drawn.strategies.texts`."""
+    return _Text(choices, python, sequence).program()
 
 
 Constants = dict[Dimension, tuple[str, ...]]
@@ -46,9 +46,10 @@ def _with_constant(constants: Constants, dimension: Dimension, name: str) -> Con
 class _Text:
     """A program being written. Mutable."""
 
-    def __init__(self, choices: Choices, python: bool) -> None:
+    def __init__(self, choices: Choices, python: bool, has_sequence: bool) -> None:
         self.choices = choices
         self.python = python
+        self.has_sequence = has_sequence
         self.lines: list[str] = []
         self.scope = Scope(enums=(MOOD,))
         self.light = False
@@ -68,7 +69,7 @@ class _Text:
         for i in range(self.choices.mostly_large(1, 4)):
             self.module(i)
         self.variations()
-        if self.choices.one_in(3):
+        if self.has_sequence or self.choices.one_in(3):
             self.sequence()
         self.watches()
         wires = self.network()
@@ -341,7 +342,8 @@ class _Text:
         commanding = {p.name: p.actuators for p in self.ports if None not in p.actuators}
         bases = [name for name in bases if name in commanding]
         if not bases:
-            return
+            self.add("module m9 { when true do drive(velocity = 1 mm/s, turn = 0) }")
+            bases, commanding = ["m9"], {"m9": frozenset({"drive"})}
         count = self.choices.between(1, 3)
         tasks, ends = [f"t{i}" for i in range(count)], ["failed", "done"]
         waits = self.choices.one_in(2)

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
+from colony.dsl.check.compatibility import constant_value
 from colony.ir import expression as ir
 from colony.ir.program import Machine, Transition
 from colony.text.diagnostics import Diagnostic, note, warning
@@ -65,8 +66,14 @@ def _targets(machine: Machine, phase: float) -> frozenset[float]:
 
 
 def _is_constant(transition: Transition, value: bool) -> bool:
-    condition = transition.condition
-    return isinstance(condition, ir.Constant) and condition.value is value
+    return constant_value(transition.condition) is value or (not value and _is_false(transition.condition))
+
+
+def _is_false(condition: ir.Expression) -> bool:
+    """Return True if a part of a conjunction is constantly false, as the `until` of a task may be."""
+    if isinstance(condition, ir.BinaryOperation) and condition.operator is ir.Binary.AND:
+        return _is_false(condition.left) or _is_false(condition.right)
+    return constant_value(condition) is False
 
 
 def _reached(machine: Machine, taken: dict[str, frozenset[float]]) -> frozenset[str]:
