@@ -81,7 +81,9 @@ class _Writer:
             else clause
             for clause in text.clauses
         )
-        when = ast.Infix(operator="and", left=phase, right=text.when, start=0, end=0)
+        when = phase
+        if text.when != ast.Boolean(value=True, start=0, end=0):
+            when = ast.Infix(operator="and", left=phase, right=text.when, start=0, end=0)
         name = self._renamed(node.name)
         module = replace(text, name=name, clauses=clauses, when=when, failsafe=False)
         bound = tuple(

@@ -16,7 +16,7 @@ from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import constant_value
 from colony.dsl.check.declare import ModuleNode, references_in, text_of
 from colony.dsl.check.expressions import ExpressionChecker
-from colony.dsl.check.scope import CheckReport, FileScope, ModuleSymbol, WireSymbol
+from colony.dsl.check.scope import BrokenSymbol, CheckReport, FileScope, ModuleSymbol, WireSymbol
 from colony.dsl.files import ParsedFile
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
@@ -65,13 +65,16 @@ def write_out_sequences(report: CheckReport, scopes: Sequence[FileScope], module
             if isinstance(node, ast.SequenceDecl):
                 _check_names(checker, node)
                 _check_failures(checker, node, scopes)
-                added += _SequenceWriter(checker, node, modules).declarations()
+                writer = _SequenceWriter(checker, node, modules)
+                added += writer.declarations()
+                if None in writer.commands.values():  # which was reported: a wire may lack for that reason
+                    for actuator in scope.robot.actuator_names:
+                        scope.network_symbols.setdefault(f"{node.name.text}.{actuator}", BrokenSymbol())
         for declaration in added:
             if isinstance(declaration, ast.NetworkDecl):
                 for wire in declaration.wires:
                     name = wire.name.text
                     scope.network_symbols[name] = WireSymbol(name=scope.full_name(name))
-                    scope.visible_network_symbols[name] = scope
             elif isinstance(declaration, ast.LetDecl | ast.StateDecl):
                 scope.visible_values[declaration.name.text] = scope
         tree = scope.file.tree
