@@ -16,7 +16,14 @@ from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import constant_value
 from colony.dsl.check.declare import ModuleNode, references_in, text_of
 from colony.dsl.check.expressions import ExpressionChecker
-from colony.dsl.check.scope import BrokenSymbol, CheckReport, FileScope, ModuleSymbol, WireSymbol
+from colony.dsl.check.scope import (
+    BrokenSymbol,
+    CheckReport,
+    FileScope,
+    ModuleSymbol,
+    SequenceSymbol,
+    WireSymbol,
+)
 from colony.dsl.files import ParsedFile
 from colony.ir import expression as ir
 from colony.ir import program as program_ir
@@ -61,7 +68,8 @@ def write_out_sequences(report: CheckReport, scopes: Sequence[FileScope], module
     for scope in scopes:
         checker = ExpressionChecker(scope=scope, report=report)
         added: list[ast.Declaration] = []
-        for node in scope.file.tree.declarations:
+        declarations = _with_valid_sequences(scope)
+        for node in declarations:
             if isinstance(node, ast.SequenceDecl):
                 _check_names(checker, node)
                 _check_failures(checker, node, scopes)
@@ -77,10 +85,28 @@ def write_out_sequences(report: CheckReport, scopes: Sequence[FileScope], module
                     scope.network_symbols[name] = WireSymbol(name=scope.full_name(name))
             elif isinstance(declaration, ast.LetDecl | ast.StateDecl):
                 scope.visible_values[declaration.name.text] = scope
-        tree = scope.file.tree
-        scope.file = replace(
-            scope.file, tree=replace(tree, declarations=(*tree.declarations, *added))
-        )  # at the end, below all that their conditions may read
+        tree = replace(scope.file.tree, declarations=(*declarations, *added))
+        scope.file = replace(scope.file, tree=tree)  # at the end, below all that their conditions may read
+
+
+def _with_valid_sequences(scope: FileScope) -> list[ast.Declaration]:
+    """Return the declarations of a file without sequences with names of others, which were reported."""
+    declarations: list[ast.Declaration] = []
+    names, invalid = set[str](), set[str]()
+    for node in scope.file.tree.declarations:
+        if isinstance(node, ast.SequenceDecl):
+            name = node.name.text
+            is_part = isinstance(scope.network_symbols.get(name), SequenceSymbol)
+            is_value = scope.visible_values.get(name) is scope and name not in scope.values
+            if not is_part or not is_value or name in names:
+                invalid.add(name)
+                scope.values.setdefault(name, BrokenSymbol())
+                continue
+            names.add(name)
+        is_task = isinstance(node, ast.DerivedModuleDecl) and node.phase is not None
+        if not (is_task and node.name.text.partition(".")[0] in invalid):  # type: ignore[union-attr]
+            declarations.append(node)
+    return declarations
 
 
 def bases_of_tasks(scope: FileScope) -> set[str]:
