@@ -35,7 +35,7 @@ from colony.execute.code import (
 )
 from colony.execute.compiled import Compiled, is_source_path
 from colony.execute.operators import Operator
-from colony.ir.program import ActuatorField, Before, Role, Sensor
+from colony.ir.program import ActuatorField, Before, Role, Sensor, role_name
 from colony.ir.types import BOOL, Array, Bool, ScalarValue, Type, element_type
 
 # --- signatures ---------------------------------------------------------------------------------------
@@ -215,7 +215,9 @@ class _Check:
         found = self.actuators.get(sent.actuator)
         fields = () if found is None else found.actuator.fields
         if isinstance(sent.of, Role):
-            _expect(found is not None, f"{sensor.name} is of no actuator")
+            name = role_name(sent.actuator, sent.of)
+            is_named = sensor.name == name and _NAME.fullmatch(sent.of.module) is not None
+            _expect(found is not None and is_named, f"{sensor.name[:80]} is not the role of a module")
             _expect(sensor.type == BOOL and sensor.default is False, f"{sensor.name} is not false by default")
             return
         _expect(0 <= sent.of < len(fields), f"{sensor.name} is no field of an actuator")
@@ -223,6 +225,7 @@ class _Check:
 
     def _names(self) -> None:
         code = self.code
+        roles = {s.name for s in code.sensors if s.sent is not None and isinstance(s.sent.of, Role)}
         for group, names in (
             ("sensors", [s.name for s in code.sensors]),
             ("modules in Python", [c.module for c in code.python]),
@@ -232,7 +235,8 @@ class _Check:
         ):
             _expect(len(set(names)) == len(names), f"duplicate name among {group}")
             for name in names:
-                _expect(_NAME.fullmatch(name) is not None, f"{name[:40]!r} is not a name")
+                is_name = name in roles or _NAME.fullmatch(name) is not None
+                _expect(is_name, f"{name[:40]!r} is not a name")
         _expect(len({c.name for c in code.cells}) == len(code.cells), "duplicate name among the cells")
 
     def _sources(self) -> None:
