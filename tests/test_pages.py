@@ -12,8 +12,10 @@ import tomllib
 from configparser import ConfigParser
 from importlib.util import find_spec
 from pathlib import Path
+from xml.etree import ElementTree
 
 import click
+
 import pytest
 import yaml
 
