@@ -12,6 +12,7 @@ import tomllib
 from configparser import ConfigParser
 from importlib.util import find_spec
 from pathlib import Path
+from xml.etree import ElementTree
 
 import click
 import pytest
@@ -90,6 +91,8 @@ def test_a_block_is_of_its_language(block: Block) -> None:
             _python(block.text)
         case "toml":
             tomllib.loads(block.text)
+        case "xml":
+            ElementTree.fromstring(block.text)
         case "yaml":
             yaml.safe_load(block.text)
         case "ini":

@@ -1,9 +1,9 @@
 """What is proved, and what is computed, of drawn programs, held to the reference interpreter.
 
 `python -m tools.drawn_programs --programs 20000 --contracts 5000` (`make agreement`) compares all
-executors over drawn traces, also for programs written with functions and inputs, then, for contracts, the
-formulas with the interpreter frame by frame, and what `verify` says with what drawn traces show. Sensors fail
-in many frames.
+executors over drawn traces, also for programs with sequences and for programs written with functions and
+inputs, then, for contracts, the formulas with the interpreter frame by frame, and what `verify` says with
+what drawn traces show. Sensors fail in many frames.
 """
 
 from __future__ import annotations
@@ -34,10 +34,12 @@ from tests.drawn.strategies import run_of_seed
 from tests.drawn.tunables import with_tunables
 from tests.verify.symbolic.trust import held_against
 from tools.outlining import outlined_disagreement
+from tools.written_out import drawn_disagreement
 
 _OPTIONS = ProofOptions(depth=2, max_frames=4, resources=300_000)
 _TRACES = 6
 _FRAMES = 12
+_SEQUENCE_FRAMES = 24
 _MORE_CONTRACTS = 3
 
 Counts = Counter[str]
@@ -57,6 +59,14 @@ def executors(seed: int, *, network: bool = False, tunable: bool = False) -> Fin
     found = disagreement(program, trace, ALL_EXECUTORS)
     counts = Counter(programs=1, frames=len(trace))
     return counts, [] if found is None else [f"seed {seed}: {found}"]
+
+
+def sequences(seed: int) -> Findings:
+    """Compare all executors over a trace of a program with a sequence, and with it written out."""
+    program, trace = run_of_seed(seed, max_frames=_SEQUENCE_FRAMES, sequence=True)
+    found = (disagreement(program, trace, ALL_EXECUTORS), drawn_disagreement(program, trace))
+    findings = [f"seed {seed}: {finding}" for finding in found if finding is not None]
+    return Counter(programs=1, frames=len(trace)), findings
 
 
 def outlined(seed: int) -> Findings:
@@ -222,6 +232,7 @@ def main() -> int:
         (
             ("executors, whole programs", executors, whole),
             ("executors, networks", partial(executors, network=True), whole),
+            ("executors, sequences", sequences, some),
             ("executors, with functions and inputs", outlined, some),
             ("formulas", formulas, some),
             ("verdicts", verdicts, some),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import indent
 from typing import TYPE_CHECKING, assert_never
 
 import click
@@ -10,7 +11,7 @@ import click
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import BEHAVIOR, check_output, output_option, write_whole
 from colony.cli.params_choice import chosen_params, params_option
-from colony.cli.reporting import report, say
+from colony.cli.reporting import check_to_run, report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.verify.prover_options import COUNTED, ProverSeconds
 from colony.extras import expect_extras, install_command, installed
@@ -35,7 +36,7 @@ CLIENTS_BYTES = 64 * 1024 * 1024
 @click.option(
     "--explain",
     is_flag=True,
-    help="Show each step: the network, the elimination of inhibition, the tree, the order of visit.",
+    help="Show each step: sequences written out, inhibition eliminated, the tree, the order of visit.",
 )
 @click.option(
     "--format",
@@ -116,6 +117,8 @@ def command(
         _report_proof(result, program, clients_file=existing)
         return
     text = _text(compilation, format_, explain)
+    if explain:
+        text = _sequences(file) + text
     if not no_proof:
         with reliable_interrupts():
             result = _proof(compilation, format_, text, seconds)
@@ -152,6 +155,14 @@ def _text(compilation: Compilation, format_: str, explain: bool) -> str:
     from colony.compile.backends.table import client_table
 
     return explanation(compilation) if explain else client_table(compilation)
+
+
+def _sequences(file: str) -> str:
+    """Return what the sequences of a behavior stand for, as text before the rest of an explanation."""
+    from colony.dsl.check.program import write_out
+
+    written = write_out(check_to_run(file).tree, params=chosen_params())
+    return f"The sequences, written out\n{indent(written, '  ')}\n" if written else ""
 
 
 def _proof(compilation: Compilation, format_: str, text: str, seconds: float) -> Result:

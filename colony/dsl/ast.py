@@ -1,210 +1,32 @@
-"""The syntax tree, as written: names are unresolved, units are text, and parentheses are gone.
-
-`start` and `end` are character offsets in the file. They are not compared, so two texts that differ only in
-layout have equal trees. `depth` is the nesting depth of an expression: the checker rejects expressions that
-are too deep before anything recurses into them.
-"""
+"""The syntax tree, as written: names are unresolved, units are text, and parentheses are gone."""
 
 from __future__ import annotations
 
-from dataclasses import field
 from typing import Literal
 
-from colony.record import Record, record
-
-
-@record
-class SyntaxNode(Record):
-    """A node for a piece of text."""
-
-    start: int = field(default=0, compare=False, repr=False)
-    end: int = field(default=0, compare=False, repr=False)
-
-
-@record
-class NameNode(SyntaxNode):
-    """An identifier, in its declaration or in a use."""
-
-    text: str
-
-
-@record
-class NamedNode(SyntaxNode):
-    """A declaration with a name, which is its first identifier or the one after its keyword."""
-
-    name: NameNode
-
-
-# --- expressions ---------------------------------------------------------------------------------
-
-
-@record
-class ExpressionNode(SyntaxNode):
-    """Any expression; a leaf has depth 1."""
-
-    depth: int = field(default=1, compare=False, repr=False)
-
-
-@record
-class NumberNode(ExpressionNode):
-    """A number as written, with its unit, if any."""
-
-    digits: str
-    unit: str | None
-
-
-@record
-class Boolean(ExpressionNode):
-    """`true` or `false`."""
-
-    value: bool
-
-
-@record
-class Reference(ExpressionNode):
-    """`name`, `name.name`, ...; the checker resolves it."""
-
-    path: tuple[str, ...]
-
-    @property
-    def text(self) -> str:
-        """Return the dotted name as written."""
-        return ".".join(self.path)
-
-
-@record
-class Prefix(ExpressionNode):
-    """`-x` or `not b`."""
-
-    operator: Literal["-", "not"]
-    operand: Expression
-
-
-@record
-class Infix(ExpressionNode):
-    """Two operands and an arithmetic, relational or Boolean operator, as written."""
-
-    operator: str
-    left: Expression
-    right: Expression
-
-
-@record
-class If(ExpressionNode):
-    """`if condition then yes else no`."""
-
-    condition: Expression
-    yes: Expression
-    no: Expression
-
-
-@record
-class InRange(ExpressionNode):
-    """`operand in low .. high`."""
-
-    operand: Expression
-    low: Expression
-    high: Expression
-
-
-@record
-class IndexNode(ExpressionNode):
-    """`array[index]`."""
-
-    array: Expression
-    index: Expression
-
-
-@record
-class SliceOf(ExpressionNode):
-    """`array[first..last]`."""
-
-    array: Expression
-    first: Expression
-    last: Expression
-
-
-@record
-class CallNode(ExpressionNode):
-    """`function(argument, ..., name = argument, ...)`; the function's name may be dotted."""
-
-    function: NameNode
-    arguments: tuple[Expression, ...]
-    named: tuple[Argument, ...] = ()
-
-
-@record
-class Comprehension(ExpressionNode):
-    """`function(body for variable in low .. high [if condition])`."""
-
-    function: NameNode
-    body: Expression
-    variable: NameNode
-    low: Expression
-    high: Expression
-    condition: Expression | None
-
-
-@record
-class ElementsComprehension(ExpressionNode):
-    """`function(body for variable in array [if condition])`, or `for variable, bearing in array`."""
-
-    function: NameNode
-    body: Expression
-    variable: NameNode
-    bearing: NameNode | None
-    array: Expression
-    condition: Expression | None
-
-
-@record
-class By(ExpressionNode):
-    """`actuator by module`."""
-
-    actuator: Expression
-    module: Expression
-
-
-Status = Literal["active", "commanded", "idle"]
-
-
-@record
-class Is(ExpressionNode):
-    """`name is active`, `actuator is commanded`, `actuator is idle`."""
-
-    subject: Expression
-    status: Status
-
-
-Expression = (
-    NumberNode
-    | Boolean
-    | Reference
-    | Prefix
-    | Infix
-    | If
-    | InRange
-    | IndexNode
-    | SliceOf
-    | CallNode
-    | Comprehension
-    | ElementsComprehension
-    | By
-    | Is
-)
-
-
-@record
-class NamedValue(NamedNode):
-    """A declaration that gives a name a value."""
-
-    value: Expression
-
-
-@record
-class Argument(NamedValue):
-    """`name = value`."""
-
+from colony.dsl.expression_nodes import Argument as Argument
+from colony.dsl.expression_nodes import Boolean as Boolean
+from colony.dsl.expression_nodes import By as By
+from colony.dsl.expression_nodes import CallNode as CallNode
+from colony.dsl.expression_nodes import Comprehension as Comprehension
+from colony.dsl.expression_nodes import ElementsComprehension as ElementsComprehension
+from colony.dsl.expression_nodes import Expression as Expression
+from colony.dsl.expression_nodes import ExpressionNode as ExpressionNode
+from colony.dsl.expression_nodes import If as If
+from colony.dsl.expression_nodes import IndexNode as IndexNode
+from colony.dsl.expression_nodes import Infix as Infix
+from colony.dsl.expression_nodes import InRange as InRange
+from colony.dsl.expression_nodes import Is as Is
+from colony.dsl.expression_nodes import NamedNode as NamedNode
+from colony.dsl.expression_nodes import NamedValue as NamedValue
+from colony.dsl.expression_nodes import NameNode as NameNode
+from colony.dsl.expression_nodes import NumberNode as NumberNode
+from colony.dsl.expression_nodes import Prefix as Prefix
+from colony.dsl.expression_nodes import Reference as Reference
+from colony.dsl.expression_nodes import SliceOf as SliceOf
+from colony.dsl.expression_nodes import Status as Status
+from colony.dsl.expression_nodes import SyntaxNode as SyntaxNode
+from colony.record import record
 
 # --- robot ---------------------------------------------------------------------------------------
 
@@ -374,10 +196,31 @@ class TransitionDecl(SyntaxNode):
 
 @record
 class MachineDecl(NamedNode):
-    """`machine name { start initial ... }`."""
+    """`machine name { start initial ... }`; that of a sequence has `tasks`, the phases in order."""
 
     initial: NameNode
     transitions: tuple[TransitionDecl, ...]
+    tasks: tuple[NameNode, ...] = ()
+
+
+@record
+class TaskDecl(NamedNode):
+    """`name = base(argument, ...) until condition within limit else otherwise`."""
+
+    base: Reference
+    arguments: tuple[Argument, ...]
+    until: Expression
+    within: Expression | None
+    otherwise: NameNode | None
+
+
+@record
+class SequenceDecl(NamedNode):
+    """`sequence name when condition keep { tasks }`; with `restart` in place of `keep` if `restarts`."""
+
+    when: Expression | None
+    restarts: bool = False
+    tasks: tuple[TaskDecl, ...]
 
 
 @record
@@ -408,11 +251,15 @@ class ModuleDecl(NamedNode):
 
 @record
 class DerivedModuleDecl(NamedNode):
-    """`failsafe module name = base(param = constant, input = expression, ...)`."""
+    """`failsafe module name = base(param = constant, input = expression, ...)`.
+
+    The module of a task, `sequence.task`, applies only where `phase`, a comparison, is true.
+    """
 
     failsafe: bool = False
     base: Reference
     arguments: tuple[Argument, ...]
+    phase: Expression | None = None
 
 
 @record
@@ -528,9 +375,12 @@ class Elements(SyntaxNode):
 
 @record
 class GivenDecl(SyntaxNode):
-    """`sensor[index .. last] = value taken age ago`, after `given`; one element without `last`."""
+    """`sensor[index .. last] = value taken age ago`, after `given`; one element without `last`.
 
-    sensor: Reference
+    `sensor` is a `By` or an `Is` for what a module did in the frame before.
+    """
+
+    sensor: Reference | By | Is
     index: Expression | None
     last: Expression | None = None
     value: Expression | Missing | Elements
@@ -570,6 +420,7 @@ Declaration = (
     | StateDecl
     | NextDecl
     | MachineDecl
+    | SequenceDecl
     | ModuleDecl
     | DerivedModuleDecl
     | PythonModuleDecl

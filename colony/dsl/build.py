@@ -101,8 +101,8 @@ class TreeBuilder:
         return ast.BearingDecl(angles=None, first=c[1], step=c[2], **_extent(c))
 
     size = default = within = bearing_step = window = limit_when = condition = state_type = initial = (
-        parenthesized
-    ) = second
+        sequence_when
+    ) = parenthesized = second
 
     def alias(self, c: Children) -> ast.NameNode:
         """Return the name behind `as`."""
@@ -206,7 +206,10 @@ class TreeBuilder:
     def machine(self, c: Children) -> ast.MachineDecl:
         """Build a state machine."""
         transitions = _of(ast.TransitionDecl, c)
-        return ast.MachineDecl(name=_name(c[1]), initial=_name(c[4]), transitions=transitions, **_extent(c))
+        initial, start, end = _name(c[4]), _start(c), _end(c)
+        return ast.MachineDecl(
+            name=_name(c[1]), initial=initial, transitions=transitions, start=start, end=end
+        )
 
     def transition(self, c: Children) -> ast.TransitionDecl:
         """Build a transition of a state machine; its source is None for `any`."""
@@ -218,6 +221,40 @@ class TreeBuilder:
             condition=condition,
             **_extent(c),
         )
+
+    # --- sequences
+
+    def sequence(self, c: Children) -> ast.SequenceDecl:
+        """Build a sequence from its tasks."""
+        restarts = c[3] is not None and c[3].type == "RESTART"
+        tasks = _of(ast.TaskDecl, c)
+        return ast.SequenceDecl(name=_name(c[1]), when=c[2], restarts=restarts, tasks=tasks, **_extent(c))
+
+    def task(self, c: Children) -> ast.TaskDecl:
+        """Build a task; without a base its name is that of the module, too."""
+        name, given, _, until, limit = c
+        named = ast.Reference(path=(name.value,), **_extent(c[:1]))
+        base, arguments = given or (named, ())
+        within, otherwise = limit or (None, None)
+        end = until.end if otherwise is None else otherwise.end
+        return ast.TaskDecl(
+            name=_name(name),
+            base=base,
+            arguments=arguments,
+            until=until,
+            within=within,
+            otherwise=otherwise,
+            start=_start(c),
+            end=end,
+        )
+
+    def task_base(self, c: Children) -> tuple[ast.Reference, tuple[ast.Argument, ...]]:
+        """Return the module that a task is derived from, with its arguments."""
+        return c[1], () if c[2] is None else c[2][0]
+
+    def time_limit(self, c: Children) -> tuple[ast.Expression, ast.NameNode]:
+        """Return the time limit of a task, and the phase that follows it."""
+        return c[1], _name(c[3])
 
     # --- modules
 

@@ -70,6 +70,10 @@ CODES: dict[str, str] = {
     "E406": "a wrong clause of a Python module",
     "E407": "a phase cannot have this name",
     "E408": "a module has inputs that are not bound",
+    "E409": "a task can neither end nor time out",
+    "E410": "nothing reads the failure of a sequence",
+    "E411": "a module cannot be a task",
+    "E412": "a wrong time limit of a task",
     "E501": "`suppresses` and `inhibits` mixed without parentheses",
     "E502": "a wire feeds itself",
     "E503": "an actuator is driven twice",
@@ -94,4 +98,5 @@ CODES: dict[str, str] = {
     "W012": "a slice reaches beyond the bearings of its array",
     "W013": "a slice goes through the rear",
     "W014": "a plain index that wraps",
+    "W015": "a task may wait for ever",
 }

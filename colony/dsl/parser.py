@@ -114,7 +114,7 @@ _DECLARATION = re.compile(
     re.MULTILINE,
 )
 _DECLARED = re.compile(
-    r"\b(?:robot|enum|param|input|let|state|machine|module|sensor|actuator|as)[ \t]+([A-Za-z_]\w*)"
+    r"\b(?:robot|enum|param|input|let|state|machine|sequence|module|sensor|actuator|as)[ \t]+([A-Za-z_]\w*)"
     r"|^[ \t]*([A-Za-z_]\w*)[ \t]*=(?!=)",
     re.MULTILINE,
 )
@@ -124,7 +124,7 @@ CONTEXTUAL_KEYWORDS = frozenset(
     "ROBOT FRAME JITTER SENSOR ACTUATOR RANGE DEFAULT WITHIN FROM TO IDLE ON_LOSS STOP DEGRADE ENUM "
     "IMPORT AS PARAM LET STATE NEXT MACHINE START WHEN MODULE DO PYTHON READS COMMANDS RATE "
     "NETWORK LIMIT CONTRACT TEST AT EVERY GIVEN EXPECT FOR ACTIVE COMMANDED LANGUAGE FAILSAFE TAKEN "
-    "AGO INPUT BEARING STEP TIME REACH TUNABLE REQUIREMENT".split()
+    "AGO INPUT BEARING STEP TIME REACH TUNABLE SEQUENCE UNTIL KEEP RESTART REQUIREMENT".split()
 )
 """Contextual keywords (except `any`, which is used where phase names are)."""
 

@@ -25,7 +25,12 @@ _LEVELS = {
 def print_file(file: ast.File) -> str:
     """Return the text of a file."""
     head = [] if file.language is None else [f"language {file.language.version}\n"]
-    return "\n".join([*head, *(_declaration(d) for d in file.declarations)])
+    return "\n".join([*head, *map(_declaration, file.declarations)])
+
+
+def print_declarations(declarations: Iterable[ast.Declaration]) -> str:
+    """Return the text of declarations."""
+    return "\n".join(map(_declaration, declarations))
 
 
 def print_expression(node: ast.Expression) -> str:
@@ -138,9 +143,8 @@ def _declaration(node: ast.Declaration) -> str:
             return f"input {_sensor(node)}\n" if isinstance(node, ast.SensorDecl) else "import robot\n"
         case ast.ParamDecl() | ast.LetDecl() | ast.FunctionDecl() | ast.StateDecl() | ast.NextDecl():
             return _clause(node) + "\n"
-        case ast.MachineDecl():
-            lines = [f"start {node.initial.text}", *(_transition(t) for t in node.transitions)]
-            return _block(f"machine {node.name.text}", lines)
+        case ast.MachineDecl() | ast.SequenceDecl():
+            return _machine(node)
         case ast.ModuleDecl():
             return _block(f"{_failsafe(node)}module {node.name.text}", _module(node))
         case ast.DerivedModuleDecl():
@@ -256,6 +260,26 @@ def _transition(node: ast.TransitionDecl) -> str:
     return f"{_failsafe(node)}{source} -> {node.target.text} when {print_expression(node.condition)}"
 
 
+def _machine(node: ast.MachineDecl | ast.SequenceDecl) -> str:
+    if isinstance(node, ast.MachineDecl):
+        lines = [f"start {node.initial.text}", *map(_transition, node.transitions)]
+        return _block(f"machine {node.name.text}", lines)
+    when = "" if node.when is None else f" when {print_expression(node.when)}"
+    restart = " restart" if node.restarts else ""
+    return _block(f"sequence {node.name.text}{when}{restart}", map(_task, node.tasks))
+
+
+def _task(node: ast.TaskDecl) -> str:
+    text = node.name.text
+    if node.arguments or node.base.path != (text,):
+        given = f"({_arguments(node.arguments)})" if node.arguments else ""
+        text += f" = {node.base.text}{given}"
+    text += f" until {print_expression(node.until)}"
+    if node.within is None or node.otherwise is None:
+        return text
+    return f"{text} within {print_expression(node.within)} else {node.otherwise.text}"
+
+
 def _failsafe(
     node: ast.ModuleDecl | ast.DerivedModuleDecl | ast.PythonModuleDecl | ast.TransitionDecl,
 ) -> str:
@@ -323,4 +347,4 @@ def _given(node: ast.GivenDecl) -> str:
         case _:
             value = print_expression(node.value)
     taken = "" if node.taken_ago is None else f" taken {print_expression(node.taken_ago)} ago"
-    return f"{node.sensor.text}{index} = {value}{taken}"
+    return f"{print_expression(node.sensor)}{index} = {value}{taken}"

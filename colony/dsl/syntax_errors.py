@@ -23,8 +23,8 @@ RESERVED = frozenset(
 
 DECLARATION_STARTS = frozenset(
     (
-        "ROBOT ENUM IMPORT INPUT TUNABLE PARAM LET STATE NEXT MACHINE FAILSAFE MODULE NETWORK LIMIT CONTRACT "
-        "REACH TEST"
+        "ROBOT ENUM IMPORT INPUT TUNABLE PARAM LET STATE NEXT MACHINE SEQUENCE FAILSAFE MODULE NETWORK LIMIT "
+        "CONTRACT REACH TEST"
     ).split()
 )
 _KEYWORDS = frozenset(name.lower() for name in DECLARATION_STARTS) | {"when", "do"}
@@ -416,6 +416,12 @@ def _contract_condition(slip: SyntaxSlip) -> str | None:
     return f"write the condition first: `{condition[1] if condition else 'CONDITION'} implies ...`"
 
 
+def _task(slip: SyntaxSlip) -> str | None:
+    if slip.head != "sequence" or "{" not in slip.before:
+        return None
+    return "a task is written `NAME [= BASE(...)] until CONDITION [within 10 s else PHASE]`"
+
+
 _FORMS: tuple[Callable[[SyntaxSlip], str | None], ...] = (
     _missing_type,
     _array_type,
@@ -429,6 +435,7 @@ _FORMS: tuple[Callable[[SyntaxSlip], str | None], ...] = (
     _sensor_order,
     _robot_import,
     _contract_condition,
+    _task,
 )
 
 

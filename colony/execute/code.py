@@ -33,7 +33,7 @@ from typing import Literal as OneOf
 from typing import assert_never
 
 from colony.execute.operators import Operator
-from colony.ir.program import Actuator, ActuatorField, Sensor
+from colony.ir.program import Actuator, ActuatorField, Role, Sensor
 from colony.ir.types import ScalarValue
 from colony.ir.walk import InTime
 from colony.text.source import Span
@@ -364,7 +364,19 @@ def roots(code: Code, *, exclusive: bool = True) -> list[int]:
             indices.extend((limit.applies, limit.bound, limit.known))
     for contract in code.contracts:
         indices.extend((contract.holds, contract.unsimplified))
+    indices.extend(activity_read(code).values())
     return indices
+
+
+def activity_read(code: Code) -> dict[str, int]:
+    """Return the index of the activity that each sensor `last.MODULE is active` has in the next frame."""
+    active = {c.module: c.active for a in code.actuators for c in a.clients}
+    roles = {s.name: s.sent.of for s in code.sensors if s.sent is not None}
+    return {
+        name: active[of.module]
+        for name, of in roles.items()
+        if isinstance(of, Role) and of.kind == "active" and of.module in active
+    }
 
 
 def live(ops: Iterable[Op], cells: Iterable[Cell], wanted: Iterable[int]) -> tuple[bytearray, set[int]]:

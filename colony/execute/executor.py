@@ -45,7 +45,7 @@ from colony.ir.frame import (
     OverriddenCommand,
 )
 from colony.ir.memory import ProgramMemory, late_cell
-from colony.ir.program import Actuator, in_declared_units
+from colony.ir.program import Actuator, in_declared_units, value_before
 from colony.ir.types import ScalarValue
 from colony.ir.walk import idled, remembered
 
@@ -81,7 +81,8 @@ class ProgramExecutor:
         self.code = whole_view(compiled.code) if simplified else unsimplified_view(compiled.code)
         self._exclusive, self._answers_given = exclusive, answers_given
         self._remembered = remembered(c.in_time for c in self.code.contracts)
-        self._sent = tuple((s.name, *s.sent) for s in self.code.sensors if s.sent is not None)
+        self._sent = tuple((s.name, s.sent) for s in self.code.sensors if s.sent is not None)
+        self._active = {c.module: c.active for a in self.code.actuators for c in a.clients}
         self.restart()
 
     def step(
@@ -160,16 +161,20 @@ class ProgramExecutor:
         """
         self._machine = OpMachine(self.code, answers_given=self._answers_given)
         self._doubted_cells: set[int] = set()
-        self._last: dict[str, ScalarValue] = {}  # values of `last.ACTUATOR.FIELD`, in declared units
+        self._last: dict[str, ScalarValue] = {}  # values of `last...`, in declared units
         self._late: set[str] = set()  # actuators of `_remembered` that were idle as a client was late
 
     def _remember_sent(self, decisions: tuple[Decision, ...]) -> None:
-        """Remember what is `last.ACTUATOR.FIELD` in the next frame, unless a reading says otherwise."""
-        values = {decision.actuator: decision.values for decision in decisions}
-        for name, actuator, index in self._sent:
-            sent = values[actuator]
-            if sent is not None:
-                self._last[name] = sent[index]
+        """Remember what is `last...` in the next frame, unless a reading says otherwise."""
+        by_name = {decision.actuator: decision for decision in decisions}
+        for name, before in self._sent:
+            decision = by_name[before.actuator]
+            value = value_before(before.of, decision.values, decision.by, self._was_active)
+            if value is not None:
+                self._last[name] = value
+
+    def _was_active(self, module: str) -> bool:
+        return module in self._active and bool(self._machine.values[self._active[module]])
 
     @property
     def memory(self) -> ProgramMemory | None:

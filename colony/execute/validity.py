@@ -35,8 +35,8 @@ from colony.execute.code import (
 )
 from colony.execute.compiled import Compiled, is_source_path
 from colony.execute.operators import Operator
-from colony.ir.program import ActuatorField, Sensor
-from colony.ir.types import Array, Bool, ScalarValue, Type, element_type
+from colony.ir.program import ActuatorField, Before, Role, Sensor, role_name
+from colony.ir.types import BOOL, Array, Bool, ScalarValue, Type, element_type
 
 # --- signatures ---------------------------------------------------------------------------------------
 #
@@ -176,7 +176,7 @@ class _Check:
         for sensor in code.sensors:
             _check_sensor(sensor)
             if sensor.sent is not None:
-                self._check_sent(sensor, *sensor.sent)
+                self._check_sent(sensor, sensor.sent)
         for position, op in enumerate(code.ops):
             _expect(
                 self._result_kind(position, op) is code.kinds[position],
@@ -210,15 +210,22 @@ class _Check:
             "a name of memory refers to no cell",
         )
 
-    def _check_sent(self, sensor: Sensor, actuator: str, index: int) -> None:
-        """Check that a sensor is a field of an actuator, of one type."""
-        found = self.actuators.get(actuator)
+    def _check_sent(self, sensor: Sensor, sent: Before) -> None:
+        """Check that a sensor is a field of an actuator, of one type, or the role of a module."""
+        found = self.actuators.get(sent.actuator)
         fields = () if found is None else found.actuator.fields
-        _expect(0 <= index < len(fields), f"{sensor.name} is no field of an actuator")
-        _expect(fields[index].type == sensor.type, f"{sensor.name} is not of its field's type")
+        if isinstance(sent.of, Role):
+            name = role_name(sent.actuator, sent.of)
+            is_named = sensor.name == name and _NAME.fullmatch(sent.of.module) is not None
+            _expect(found is not None and is_named, f"{sensor.name[:80]} is not the role of a module")
+            _expect(sensor.type == BOOL and sensor.default is False, f"{sensor.name} is not false by default")
+            return
+        _expect(0 <= sent.of < len(fields), f"{sensor.name} is no field of an actuator")
+        _expect(fields[sent.of].type == sensor.type, f"{sensor.name} is not of its field's type")
 
     def _names(self) -> None:
         code = self.code
+        roles = {s.name for s in code.sensors if s.sent is not None and isinstance(s.sent.of, Role)}
         for group, names in (
             ("sensors", [s.name for s in code.sensors]),
             ("modules in Python", [c.module for c in code.python]),
@@ -228,7 +235,8 @@ class _Check:
         ):
             _expect(len(set(names)) == len(names), f"duplicate name among {group}")
             for name in names:
-                _expect(_NAME.fullmatch(name) is not None, f"{name[:40]!r} is not a name")
+                is_name = name in roles or _NAME.fullmatch(name) is not None
+                _expect(is_name, f"{name[:40]!r} is not a name")
         _expect(len({c.name for c in code.cells}) == len(code.cells), "duplicate name among the cells")
 
     def _sources(self) -> None:

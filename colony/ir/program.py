@@ -6,7 +6,7 @@ state of a module `module.name`. Durations are whole nanoseconds; constants are 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import field, replace
 from itertools import pairwise
 from reprlib import repr as short
@@ -14,7 +14,7 @@ from typing import Literal, Protocol
 
 from colony.ir.expression import Expression
 from colony.ir.site import Site
-from colony.ir.types import Enum, Scalar, ScalarValue, Type
+from colony.ir.types import BOOL, Enum, Scalar, ScalarValue, Type
 from colony.record import Record, record
 from colony.text.source import NOWHERE, Source, Span
 
@@ -31,12 +31,28 @@ class Declared(Record):
 
 
 @record
+class Role(Record):
+    """What `module` did in a frame: `by`, its command was the actuator's; `active`, it was active."""
+
+    kind: Literal["by", "active"]
+    module: str
+
+
+@record
+class Before(Record):
+    """What a sensor `last...` reads of `actuator`: the field with an index, or the role of a module."""
+
+    actuator: str
+    of: int | Role
+
+
+@record
 class Sensor(Declared):
     """A value that a server publishes each frame, or that is missing.
 
     `unit` is the declared unit, if any, and `factor` its size in base units: a reading is multiplied by it.
     `low` and `high` (inclusive; readings are clamped to them) and `default`, which fills an array, are in
-    base units. `sent` is not None for `last.ACTUATOR.FIELD` (see `sent_sensor`). A `tunable` one is a param
+    base units. `sent` is not None for `last...` (`sent_sensor`, `role_sensor`). A `tunable` one is a param
     that users change during a run, between `low` and `high`; each tick has its value. An `own` one is an
     input that the program declares.
     """
@@ -50,7 +66,7 @@ class Sensor(Declared):
     server: str
     field: str
     within_ns: int | None = None
-    sent: tuple[str, int] | None = None
+    sent: Before | None = None
     tunable: bool = False
     own: bool = False
 
@@ -121,8 +137,46 @@ def sent_sensor(actuator: Actuator, index: int) -> Sensor:
         default=idle,
         server=actuator.server,
         field=name,
-        sent=(actuator.name, index),
+        sent=Before(actuator=actuator.name, of=index),
     )
+
+
+def role_name(actuator: str, role: Role) -> str:
+    """Return the name of what a module of an actuator did in the frame before."""
+    return f"{SENT}.{actuator} by {role.module}" if role.kind == "by" else f"{SENT}.{role.module} is active"
+
+
+def role_sensor(actuator: Actuator, role: Role) -> Sensor:
+    """Return `last.ACTUATOR by MODULE` or `last.MODULE is active`, which is false where it is not known."""
+    name = role_name(actuator.name, role)
+    return Sensor(
+        name=name,
+        type=BOOL,
+        default=False,
+        server=actuator.server,
+        field=name,
+        sent=Before(actuator=actuator.name, of=role),
+    )
+
+
+def value_before(
+    of: int | Role, values: tuple[ScalarValue, ...] | None, by: str | None, is_active: Callable[[str], bool]
+) -> ScalarValue | None:
+    """Return what a sensor `last...` reads after a frame in which an actuator was given `values`.
+
+    Args:
+        of: a field, or the role of a module.
+        values: the command; None if nothing was sent, and a field reads what it did before: None.
+        by: the module whose command it was, if any.
+        is_active: returns True if a module, a client of the actuator, was active.
+    """
+    match of:
+        case Role(kind="by", module=module):
+            return by == module
+        case Role(module=module):
+            return is_active(module)
+        case index:
+            return None if values is None else values[index]
 
 
 class HasFactor(Protocol):
@@ -169,9 +223,10 @@ class Robot(Declared):
     sensors: tuple[Sensor, ...] = ()
     actuators: tuple[Actuator, ...] = ()
 
-    def indices_read(self, actuator: str) -> tuple[int, ...]:
-        """Return the indices of the fields of an actuator that the program reads as `last.ACTUATOR.FIELD`."""
-        return tuple(s.sent[1] for s in self.sensors if s.sent is not None and s.sent[0] == actuator)
+    def read_before(self, actuator: str) -> tuple[int | Role, ...]:
+        """Return what the program reads of an actuator as `last...`."""
+        sensors = (s.sent for s in self.sensors if s.sent is not None)
+        return tuple(sent.of for sent in sensors if sent.actuator == actuator)
 
 
 def gaps_ns(robot: Robot) -> tuple[int, int | None]:
@@ -253,12 +308,14 @@ class Machine(Declared):
 
     The first transition of the present phase that applies takes effect in the next frame. One whose condition
     reads a missing value leaves its memory unchanged; it applies if it is failsafe, and otherwise keeps those
-    below it from applying, failsafe ones excepted. The memory of all others advances in any phase.
+    below it from applying, failsafe ones excepted. The memory of all others advances in any phase. That of a
+    sequence has `tasks`, the phases of its tasks in order.
     """
 
     type: Enum
     start: float
     transitions: tuple[Transition, ...]
+    tasks: tuple[str, ...] = ()
 
 
 Derived = Let | State | Machine

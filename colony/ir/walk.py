@@ -105,6 +105,21 @@ def wiring_graph(program: Program) -> WiringGraph:
     return WiringGraph(nodes=tuple(builder.nodes), wires=builder.wires, roots=builder.roots)
 
 
+def wired_modules(program: Program) -> frozenset[str]:
+    """Return the modules whose output the wiring of their actuator can pass on: its clients."""
+    wires = {wire.name: wire.wiring for wire in program.wires}
+    pending: list[Wiring] = [wire.wiring for wire in program.wires if wire.actuator is not None]
+    names = set[str]()
+    while pending:
+        wiring = pending.pop()
+        if isinstance(wiring, Chain):
+            pending += wiring.operands if wiring.relation == "suppresses" else wiring.operands[-1:]
+        elif wiring.name not in names:
+            names.add(wiring.name)
+            pending += [wires[wiring.name]] if wiring.name in wires else []
+    return frozenset(names - wires.keys())
+
+
 class _GraphBuilder:
     """Builds a graph from wirings. Mutable. Recursion is only as deep as the nesting of parentheses."""
 

@@ -95,13 +95,14 @@ class ActuatorScene:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StateScene:
-    """A state, or a machine with its phases in `words`."""
+    """A state, or a machine with its phases in `words`; that of a sequence has the names of its `tasks`."""
 
     name: str
     unit: str
     factor: float
     words: tuple[str, ...]
     numbers: tuple[float, ...]
+    tasks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -300,7 +301,8 @@ def _state(state: State | Machine) -> StateScene:
     if isinstance(state.type, Quantity):
         readable = unit_shown(state.type)
         unit, factor = readable.text, float(1 / readable.factor)
-    return StateScene(name=state.name, unit=unit, factor=factor, words=words, numbers=numbers)
+    tasks = state.tasks if isinstance(state, Machine) else ()
+    return StateScene(name=state.name, unit=unit, factor=factor, words=words, numbers=numbers, tasks=tasks)
 
 
 def _node_kind(node: ModuleLeaf | Suppressor | Inhibitor) -> str:

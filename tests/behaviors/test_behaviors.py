@@ -71,6 +71,7 @@ def test_there_are_behaviors_and_maps() -> None:
         "omni",
         "pioneer",
         "shelves",
+        "delivery",
         "recharge",
         "bounce",
     }

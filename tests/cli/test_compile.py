@@ -5,10 +5,13 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from textwrap import dedent
 from typing import Any
 
 import pytest
 
+from colony.dsl.check.program import without_sequences
+from colony.dsl.load import check_file, check_text
 from tests.cli.conftest import Colony
 from tests.paths import MAPS, ROOT
 from tests.verify.testing.seeded_bugs import BUGS
@@ -16,6 +19,18 @@ from tests.verify.testing.seeded_bugs import BUGS
 
 def test_explain_shows_the_steps(colony: Colony, behavior: Path) -> None:
     assert "cruise-back" in colony.output("compile", "--explain", behavior)
+
+
+def test_explain_writes_sequences_out_as_a_part_of_a_program_that_checks(colony: Colony) -> None:
+    path = ROOT / "behaviors" / "delivery.colony"
+    shown = colony.output("compile", "--explain", "--no-proof", path)
+    head, _, rest = shown.partition("\n")
+    written = dedent(rest[: rest.index("\nThe network as wired")])
+    assert head == "The sequences, written out"
+    assert "machine deliver {" in written
+    program = without_sequences(check_file(path).tree)
+    assert written in program
+    assert check_text(program, directory=path.parent).program is not None
 
 
 def test_json_is_the_documented_form(colony: Colony, behavior: Path) -> None:

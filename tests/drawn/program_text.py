@@ -5,6 +5,7 @@ Declarations are drawn and written in an order in which each may read those befo
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -29,9 +30,9 @@ UNITS: dict[Dimension, tuple[str, ...]] = {
 WINDOWS_NS = (0, 0, 100_000_000, 50_000_000, 150_000_000)
 
 
-def draw_text(choices: Choices, python: bool) -> str:
-    """Draw a text; see `tests.drawn.strategies.texts`."""
-    return _Text(choices, python).program()
+def draw_text(choices: Choices, python: bool, sequence: bool = False) -> str:
+    """Draw a text, with `sequence` one that has a sequence; see `tests.drawn.strategies.texts`."""
+    return _Text(choices, python, sequence).program()
 
 
 Constants = dict[Dimension, tuple[str, ...]]
@@ -45,9 +46,10 @@ def _with_constant(constants: Constants, dimension: Dimension, name: str) -> Con
 class _Text:
     """A program being written. Mutable."""
 
-    def __init__(self, choices: Choices, python: bool) -> None:
+    def __init__(self, choices: Choices, python: bool, has_sequence: bool) -> None:
         self.choices = choices
         self.python = python
+        self.has_sequence = has_sequence
         self.lines: list[str] = []
         self.scope = Scope(enums=(MOOD,))
         self.light = False
@@ -58,6 +60,8 @@ class _Text:
         self.phases: Sequence[str] = ()
         self.params: Constants = {}
         self.own_params: dict[str, Dimension] = {}  # `module.name`
+        self.roles = False
+        self.tasks: list[Port] = []  # of the sequence, which has wires among the ports
 
     def program(self) -> str:
         self.robot()
@@ -65,6 +69,8 @@ class _Text:
         for i in range(self.choices.mostly_large(1, 4)):
             self.module(i)
         self.variations()
+        if self.has_sequence or self.choices.one_in(3):
+            self.sequence()
         self.watches()
         wires = self.network()
         self.limits()
@@ -112,7 +118,10 @@ class _Text:
             self.sent_before()
 
     def sent_before(self) -> None:
-        """Let everything read what one or two fields of actuators were given in the frame before."""
+        """Let everything read what one or two fields of actuators were given in the frame before.
+
+        Sometimes also what modules did in it: the first, which is written below, and all above what reads it.
+        """
         fields: list[tuple[str, Type]] = [
             ("drive.velocity", Quantity(SPEED)),
             ("drive.turn", Quantity(TURN_RATE)),
@@ -122,6 +131,14 @@ class _Text:
         fields += [(f"probe{i}.seen", type_) for i, type_ in enumerate(self.probe_types)]
         for field, type_ in dict(self.choices.pick(fields) for _ in range(2)).items():
             self.readable(f"last.{field}", type_, fresh=True)
+        self.roles = self.choices.one_in(2)
+        self.role_of("m0", "drive")
+
+    def role_of(self, module: str, actuator: str | None) -> None:
+        """Let everything below read what a module did in the frame before."""
+        if self.roles and actuator is not None:
+            self.readable(f"(last.{actuator} by {module})", BOOL)
+            self.readable(f"(last.{module} is active)", BOOL)
 
     def range(self, high: int) -> str:
         """Return a range in the declared unit, or nothing."""
@@ -257,6 +274,8 @@ class _Text:
         self.scope = outer
         self.parts += members
         self.ports.append(Port(name=name, actuators=frozenset({actuator})))
+        if i > 0:
+            self.role_of(name, actuator)
 
     def failsafe(self) -> str:
         return self.choices.pick(("", "", "failsafe "))
@@ -288,13 +307,15 @@ class _Text:
         path = "tests.drawn.python_modules:ErraticModule"
         self.add(f'{self.failsafe()}module {name} from python "{path}" {{')
         self.add(f"  param seed = {self.choices.up_to(7)}")
-        reads = list(dict.fromkeys(self.choices.pick(self.scope.names).text for _ in range(2)))
+        names = [n.text for n in self.scope.names if " " not in n.text]
+        reads = list(dict.fromkeys(self.choices.pick(names) for _ in range(2)))
         self.add(f"  reads {', '.join(reads)}")
         self.add("  commands drive")
         if self.choices.one_in(2):
             self.add(f"  rate {self.choices.pick((100, 50, 120))} ms")
         self.add("}")
         self.ports.append(Port(name=name, actuators=frozenset({"drive"})))
+        self.role_of(name, "drive")
 
     def variations(self) -> None:
         """Write a module derived from another, sometimes with an overridden param."""
@@ -314,6 +335,47 @@ class _Text:
             self.add(f"{self.failsafe()}module other = {name}{overrides}")
             actuators = next(p.actuators for p in self.ports if p.name == name)
             self.ports.append(Port(name="other", actuators=actuators))
+
+    def sequence(self) -> None:
+        """Write a sequence of tasks that are derived from modules above; what is below reads its phases."""
+        bases = [line.split()[1] for line in self.lines if re.match(r"module m\d+ \{", line)]
+        commanding = {p.name: p.actuators for p in self.ports if None not in p.actuators}
+        bases = [name for name in bases if name in commanding]
+        if not bases:
+            self.add("module m9 { when true do drive(velocity = 1 mm/s, turn = 0) }")
+            bases, commanding = ["m9"], {"m9": frozenset({"drive"})}
+        count = self.choices.between(1, 3)
+        tasks, ends = [f"t{i}" for i in range(count)], ["failed", "done"]
+        waits = self.choices.one_in(2)
+        when = f" when {self.write(BOOL, 1)}" if waits else ""
+        self.add(f"sequence chore{when}{self.choices.pick((' keep', ' restart', ''))} {{")
+        actuators: dict[str, str] = {}
+        failures: list[str] = []
+        for task in tasks:
+            base = self.choices.pick(bases)
+            dimension = self.own_params.get(f"{base}.gain")
+            gain = "" if dimension is None else Expressions(self.choices, Scope()).literal(dimension)
+            arguments = f"(gain = {gain})" if gain and self.choices.one_in(2) else ""
+            until = f" until {self.write(BOOL, self.choices.pick((2, 0)))}"
+            if not self.choices.one_in(4):
+                failure = self.choices.pick((*tasks, *ends))
+                failures += [failure] if failure == "failed" else []
+                until += f" within {self.choices.pick(('50 ms', '0.2 s', '120 ms'))} else {failure}"
+            elif "false" in until:  # it may never be true
+                until += " within 300 ms else done"
+            self.add(f"  {task} = {base}{arguments}{until}")
+            (actuators[task],) = commanding[base]  # type: ignore[misc]
+            self.role_of(f"chore.{task}", actuators[task])
+            self.tasks.append(Port(name=f"chore.{task}", actuators=frozenset({actuators[task]})))
+        self.add("}")
+        self.ports += [
+            Port(name=f"chore.{name}", actuators=frozenset({name}))
+            for name in dict.fromkeys(actuators.values())
+        ]
+        phases = ["waiting"] * waits + tasks + ["done", *failures[:1]]
+        members = tuple((p, float(i)) for i, p in enumerate(phases))
+        self.readable("chore", Enum("chore", members, "machine"))
+        self.lines += [f"contract not_{p}: chore != chore.{p}" for p in phases]
 
     def watches(self) -> None:
         """Write modules that command the values of expressions, so that these are compared bit for bit."""
@@ -351,9 +413,10 @@ class _Text:
     def drawn_contracts(self, wires: Sequence[str]) -> None:
         if not (count := self.choices.up_to(3)):
             return
-        modules = [p.name for p in self.ports]
-        conditions = [f"({name} is active)" for name in (*modules, *wires)]
-        for port in self.ports:
+        modules = [*(p for p in self.ports if "." not in p.name), *self.tasks]
+        names_of_parts = [p.name for p in (*self.ports, *self.tasks)]
+        conditions = [f"({name} is active)" for name in (*names_of_parts, *wires)]
+        for port in modules:
             conditions += [f"({actuator} by {port.name})" for actuator in port.actuators if actuator]
         for actuator in ("drive", *(["light"] * self.light)):
             conditions += [f"({actuator} is commanded)", f"({actuator} is idle)"]

@@ -59,10 +59,13 @@ def runs(*, python: bool = True, max_frames: int = 8) -> st.SearchStrategy[Run]:
     return choices().map(lambda c: _run(c, python, max_frames))
 
 
-def run_of_seed(seed: int, *, network: bool = False, max_frames: int = 8) -> Run:
-    """Return a run that `runs` (or `network_runs`) could draw, determined by the seed, without hypothesis."""
+def run_of_seed(seed: int, *, network: bool = False, max_frames: int = 8, sequence: bool = False) -> Run:
+    """Return a run that `runs` (or `network_runs`) could draw, determined by the seed, without hypothesis.
+
+    With `sequence` its program has one.
+    """
     c = Choices(Random(seed))
-    return _network_run(c, 6, 5, max_frames) if network else _run(c, True, max_frames)
+    return _network_run(c, 6, 5, max_frames) if network else _run(c, True, max_frames, sequence)
 
 
 def _network_run(c: Choices, max_modules: int, max_wires: int, max_frames: int) -> Run:
@@ -70,6 +73,6 @@ def _network_run(c: Choices, max_modules: int, max_wires: int, max_frames: int) 
     return program, draw_trace(c, program, max_frames)
 
 
-def _run(c: Choices, python: bool, max_frames: int) -> Run:
-    program = load_text(draw_text(c, python))
+def _run(c: Choices, python: bool, max_frames: int, sequence: bool = False) -> Run:
+    program = load_text(draw_text(c, python, sequence))
     return program, draw_trace(c, program, max_frames)

@@ -24,8 +24,13 @@ state laps = 0
 next laps = if rising(bumper) then laps + 1 else laps
 machine mode { start one  one -> two when bumper  any -> one when elapsed(mode == mode.two) > 3 s }
 module gentle = avoid(clearance = 900 mm)
+sequence tour when bumper restart {
+  out = avoid(clearance = 1 m) until ahead < far within 10 s else lost
+  home = gentle until turns > 3 and not (last.drive by tour.out) within 3 s else out
+}
 module center from python "a.b:C" { param w = 3.6 m reads sonar, ahead commands drive rate 300 ms }
-network { more = center suppresses[1.5 s] gentle }
+network { more = center suppresses[1.5 s] gentle suppresses tour.drive }
+limit drive.velocity <= 0 when tour == tour.lost
 limit drive.velocity <= 100 mm/s when ahead < 1 m
 contract safe: drive by avoid implies drive.velocity in 0 .. 1 m/s and not roam is active
 test "all" {

@@ -477,3 +477,25 @@ def test_a_test_gives_a_sensor_its_value_by_the_name_of_a_name(tmp_path: Path) -
         """,
     )
     assert files.findings("top") == ["top.colony:7:33 E603"]
+
+
+def test_what_imported_modules_did_in_the_frame_before_has_their_full_names(files: Files) -> None:
+    files.write(
+        brooks='import "rome.colony"\nlet stuck = last._idle is active\nlet through = last.drive by avoid\n'
+        + MODULE.format("avoid")
+        + MODULE.format("_idle"),
+        main="""import "brooks.colony" as brooks
+let own = last.drive by brooks.avoid and last.turn is active and not brooks.stuck and brooks.through
+module turn { when own do drive(velocity = 0, turn = 0) }
+network { drive = turn suppresses brooks.avoid }
+""",
+        private='import "brooks.colony" as brooks\nlet own = last.brooks._idle is active',
+    )
+    program = files.program("main")
+    roles = [s.name for s in program.robot.sensors if s.sent is not None]
+    assert roles == [
+        "last.brooks._idle is active",
+        "last.drive by brooks.avoid",
+        "last.turn is active",
+    ]
+    assert files.findings("private") == ["private.colony:2:23 E110"]

@@ -54,6 +54,11 @@ module {module} {{
   do {actuator}({field} = {own_state} * 1 mm/s, other = false)
 }}
 module {derived} = {module}({own_param} = 4)
+sequence {sequence} when b {{
+  out = {derived}({own_param} = 2) until b within 1 s else {end}
+  back = {module} until value_or(b, true)
+}}
+let over = {sequence} == {sequence}.{end}
 module template {{
   input {input} : mm
   let {own_function}({parameter} : mm) = {input} < {parameter}
@@ -123,6 +128,18 @@ def test_a_phase_may_be_any_word_but_a_unit_and_any() -> None:
     text = (
         "machine p {{ start {0} {0} -> b when bumper {0} -> b when p == p.{0} {0} -> b when any(infrared)"
         " b -> {0} when true any -> {0} when p == p.{0} }}"
+    )
+    for word in WORDS:
+        found = [f.split()[1] for f in findings(text.format(word))]
+        assert found == (["E407"] if word in BASE_UNITS or word == "any" else []), word
+
+
+def test_a_task_may_be_any_word_but_a_unit() -> None:
+    text = (
+        "module m {{ when bumper do drive(velocity = 0, turn = 0) }}"
+        " sequence q {{ {0} = m until bumper within 1 s else {0}"
+        " onward = m until bumper within 2 s else {0} }}"
+        " network {{ drive = q.{0} suppresses q.drive }}"
     )
     for word in WORDS:
         found = [f.split()[1] for f in findings(text.format(word))]

@@ -57,6 +57,9 @@ machine mode {
   idle -> busy when p > 2 mm
   any -> idle when false
 }
+sequence tour { out until s[0] > 1 home = d.e(q = 1) until true within 2 s else out }
+sequence idle when p > 2 mm keep { idle = m until if true then false else true within p else lost }
+sequence again when true restart { a = a(b = 1) until false }
 robot r {
   sensor s[3] : number range -1 .. 1 default 0.5 from A.b within 3 s
   actuator lamp { on : bool, level : mm/s range 0 .. 1 } to DServer.Lamp idle hold on_loss degrade

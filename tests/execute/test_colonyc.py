@@ -92,6 +92,7 @@ SHAPES = {
     6: "32bc49a88a85b0c3",
     7: "2fad90c17ec07d59",
     8: "63414573be491d21",
+    9: "7bcfa7e851681880",
 }
 """For each version of the format, the digest of the data classes that it is made of."""
 

@@ -5,6 +5,7 @@
     t     0   1000  2000             times in milliseconds; without them, a frame every 50 ms
     a     10.                        what a bool sensor gives in each frame; `.` where it is missing
     x     1.0 2.0   .                what any other gives; `~` where the frame says nothing of it
+    last.base_by_m  ~ T F            a name with blanks
     --
     it    9.0 1.0   .
 
@@ -101,7 +102,9 @@ def _parts(value: Value) -> Iterator[float | bool]:
 
 def _trace(program: Program, rows: Sequence[Sequence[str]]) -> list[Frame]:
     kinds = {sensor.name: sensor.type for sensor in program.robot.sensors}
-    columns = {name: _bools(*row) if isinstance(kinds.get(name), Bool) else row for name, *row in rows}
+    written = {name.replace(" ", "_"): name for name in kinds}
+    named = [(written.get(name, name), row) for name, *row in rows]
+    columns = {name: _bools(*row) if isinstance(kinds.get(name), Bool) else row for name, row in named}
     count = max(map(len, columns.values()))
     assert all(len(row) == count for row in columns.values()), "rows of different lengths"
     times = columns.pop("t", None) or [str(50 * k) for k in range(count)]

@@ -16,6 +16,7 @@ from colony.compile.pipeline import compile_program
 from colony.dsl.load import load_text
 from colony.execute.compiled import SourceFile
 from colony.ir.frame import Frame
+from colony.ir.program import Program
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.recordings.mcap_reader import McapReader
 from colony.watch.scene import PageScene, scene_of
@@ -101,9 +102,9 @@ def snapshots(frames: list[RunFrame] | None = None) -> list[PageFrame]:
     return made
 
 
-def scene(title: str = "run.mcap") -> PageScene:
-    """Return the scene of the program."""
-    return scene_of(PROGRAM, title, compile_program(PROGRAM).compiled.clients)
+def scene(title: str = "run.mcap", program: Program = PROGRAM) -> PageScene:
+    """Return the scene of a program."""
+    return scene_of(program, title, compile_program(program).compiled.clients)
 
 
 def recording() -> bytes:
@@ -114,12 +115,22 @@ def recording() -> bytes:
 @contextmanager
 def recorded(stop: Callable[[], StopAnswer] | None = None) -> Iterator[Watched]:
     """Read the recording into a store, to the end."""
-    store = SnapshotStore(scene().modules)
-    reader = McapReader(io.BytesIO(recording()), "run.mcap")
-    trail = RunTrail(PROGRAM)
-    with RecordingSource(reader, PROGRAM, store, trail):
+    with recorded_run(PROGRAM, recording(), stop) as watched:
+        yield watched
+
+
+@contextmanager
+def recorded_run(
+    program: Program, content: bytes, stop: Callable[[], StopAnswer] | None = None
+) -> Iterator[Watched]:
+    """Read a recording of a program into a store, to the end."""
+    store = SnapshotStore(scene(program=program).modules)
+    reader = McapReader(io.BytesIO(content), "run.mcap")
+    trail = RunTrail(program)
+    with RecordingSource(reader, program, store, trail):
         until(lambda: store.is_complete, "the recording is read")
-        yield Watched(scene=scene(), store=store, is_live=False, explain=trail.explain, stop=stop)
+        shown = scene(program=program)
+        yield Watched(scene=shown, store=store, is_live=False, explain=trail.explain, stop=stop)
     store.close()
 
 

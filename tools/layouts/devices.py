@@ -38,7 +38,7 @@ def on_devices(program: Program) -> Program:
     actuators = tuple(map(_actuator, program.robot.actuators))
     servers = {actuator.name: actuator.server for actuator in actuators}
     sensors = tuple(
-        replace(s, server=servers[s.sent[0]])
+        replace(s, server=servers[s.sent.actuator])
         if s.sent is not None
         else s
         if s.tunable

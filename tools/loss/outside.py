@@ -9,7 +9,7 @@ connections that drive, lock, stop and set variables, sensors that fail, and a p
   interpreter's bounds for that frame;
 - what the base was told is what a verdict says, or what was due in a frame whose verdict was lost;
 - `last.ACTUATOR.FIELD` in a frame is what that process of the server sent last, and what it set the variable
-  to; on `idle hold` an earlier process, too;
+  to; on `idle hold` an earlier process, too; what modules did is what the verdict of the frame before says;
 - contracts that are proved with operators are never broken, neither in the interpreter nor by the monitor,
   and the audit of what was observed agrees;
 - and when the faults are over, everyone is on time again, and nobody drives but the program.
@@ -18,15 +18,17 @@ connections that drive, lock, stop and set variables, sensors that fail, and a p
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 from functools import lru_cache
 from random import Random
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from colony.analysis.audit import audit
 from colony.analysis.report import objection, outside_objection, same_values
 from colony.ir.frame import MISSED, Decision, Frame, Outcome, given_in_frame
-from colony.ir.program import Program, in_declared_units
-from colony.runtime.protocol.messages import Tick, Verdict
+from colony.ir.program import Program, Role, in_declared_units
+from colony.runtime.protocol.messages import ACTIVE, Tick, Verdict
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import ProofOptions, Proved
 from colony.verify.reference.interpreter import Interpreter
@@ -205,7 +207,7 @@ class Process(NamedTuple):
     was not told, it came too late, and the base was halted. `halted` is whether it was, since it was `told`
     something. `inherited` are the actuators on hold to which it has sent nothing: they have what an earlier
     process sent, which may have died before it said so. `before_halt` is what they had before the last halt,
-    and its time: a frame of that time may have been published before it.
+    and its time: a frame of that time may have been published before it. `verdicts` are the last ones.
     """
 
     given: dict[str, tuple[Any, ...]]
@@ -216,6 +218,7 @@ class Process(NamedTuple):
     unsure: bool = False
     inherited: frozenset[str] = frozenset()
     before_halt: tuple[int, dict[str, tuple[Any, ...]]] = (-1, {})
+    verdicts: Mapping[str, Verdict] = MappingProxyType({})
 
 
 def check_servers(robot: Robot) -> dict[int, list[tuple[float, float]]]:
@@ -235,6 +238,14 @@ def check_servers(robot: Robot) -> dict[int, list[tuple[float, float]]]:
 
 def after(robot: Robot, process: Process, one: Happened) -> Process:
     """The process after something happened to it."""
+    if one.kind == "verdict":
+        return _after(robot, process, one)._replace(
+            verdicts={**process.verdicts, one.what.actuator: one.what}
+        )
+    return _after(robot, process, one)
+
+
+def _after(robot: Robot, process: Process, one: Happened) -> Process:
     match one.kind:
         case "killed":
             holding = _holding(robot)
@@ -272,6 +283,7 @@ def after(robot: Robot, process: Process, one: Happened) -> Process:
             late = one.what.k < process.k
             if not late or any(name.startswith("last.") for name in one.what.fields):
                 check_last(robot, process, one)
+                check_roles(robot, process, one)
             if late:
                 return process
             halted = process.halted and one.server == "RServer"
@@ -297,6 +309,24 @@ def check_told(robot: Robot, process: Process, one: Happened) -> None:
     assert held or process.told == (velocity, turn), f"the base was told {process.told}: {verdict}"
 
 
+def check_roles(robot: Robot, process: Process, one: Happened) -> None:
+    """What modules did is what the verdict of the frame before says; it is known of no other frame."""
+    for sensor in robot.program.robot.sensors:
+        if sensor.sent is None or isinstance(sensor.sent.of, int) or sensor.server != one.server:
+            continue
+        role, verdict = sensor.sent.of, process.verdicts.get(sensor.sent.actuator)
+        sample, where = one.what.fields.get(sensor.name), f"frame {one.what.k}: {sensor.name}"
+        if verdict is None or sample is None:
+            is_next = verdict is not None and verdict.k == one.what.k - 1 and one.what.k > process.k
+            assert sample is None, f"{where} is {sample} in a process without a verdict"
+            assert not is_next, f"{where} is not known, after {verdict}"
+            continue
+        fate = dict(verdict.fates)[role.module]
+        expected = fate == "won" if role.kind == "by" else fate in ACTIVE
+        refused = role.kind == "by" and bool(verdict.notes or process.unsure) and not sample.value
+        assert sample.value is expected or refused, f"{where} is {sample.value}, after {verdict}"
+
+
 def check_last(robot: Robot, process: Process, one: Happened) -> None:
     """`last` is what this process of the server sent last; or idle, if it halted since.
 
@@ -308,7 +338,9 @@ def check_last(robot: Robot, process: Process, one: Happened) -> None:
             continue
         given, idle = process.given.get(actuator.name), in_declared_units(actuator.idle, actuator.fields)
         late = one.server == "DServer" and one.t_ns - process.t_ns > 2 * robot.program.robot.frame_ns
-        for i in robot.program.robot.indices_read(actuator.name):
+        for i in robot.program.robot.read_before(actuator.name):
+            if isinstance(i, Role):
+                continue
             field = actuator.fields[i]
             sample = fields.get(f"last.{actuator.name}.{field.name}")
             allowed = [None if given is None else given[i]]

@@ -74,6 +74,8 @@ contract safe_bump: bumper implies drive.velocity <= 0 mm/s
 contract safe_ramp: drive.velocity <= max(last.drive.velocity, 0 mm/s) + {ramp} mm/s^2 * frame_period
 contract safe_lift: lifted > 100 mm implies drive.velocity <= 120 mm/s
 contract safe_lamp: lamp.light <= 0.9
+contract through: last.drive by wander implies last.wander is active
+contract lift_through: last.lift by sink implies last.sink is active and not (last.lift by raise)
 contract own: not (drive by wander) or sonar[0] > 1 m
 contract nobody: not (drive is commanded)
 contract before: lamp.light <= 0.5 or recently(drive is idle, 1 s)

@@ -9,9 +9,10 @@ from colony.dsl import ast
 from colony.dsl.check.checker import Checker, sent_field
 from colony.dsl.check.compatibility import constant_value, with_article
 from colony.dsl.check.declare import RESTARTED
-from colony.dsl.check.references import actuator_named, report_unknown
+from colony.dsl.check.references import actuator_named, is_before, report_unknown, role_read, role_sensor
 from colony.dsl.check.scope import (
     BrokenSymbol,
+    CheckReport,
     LetSymbol,
     ModuleSymbol,
     SensorSymbol,
@@ -127,9 +128,9 @@ def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:
     frames = 0
     for step in node.steps:
         times = _times(checker, step)
-        restarts = [g for g in step.given if g.sensor.text == RESTARTED]
+        restarts = [g for g in step.given if _gives_restarted(g)]
         restarted = [_given_restarted(checker, g, is_first=step is node.steps[0]) for g in restarts]
-        given = [x for g in step.given if g.sensor.text != RESTARTED for x in _given(checker, g)]
+        given = [x for g in step.given if not _gives_restarted(g) for x in _given(checker, g)]
         contract_checker = replace(checker, in_contract_or_test=True)
         expectations = [contract_checker.expect(e, BOOL, "an expectation") for e in step.expect]
         if times is None:
@@ -174,6 +175,10 @@ def _times(checker: Checker, step: ast.StepDecl) -> tuple[int, ...] | None:
     return tuple(range(first, last + 1, period))
 
 
+def _gives_restarted(node: ast.GivenDecl) -> bool:
+    return isinstance(node.sensor, ast.Reference) and node.sensor.text == RESTARTED
+
+
 def _given_restarted(checker: Checker, node: ast.GivenDecl, *, is_first: bool) -> bool:
     """Check `restarted = true`, which is possible only where a test begins: memory is initial there."""
     if isinstance(node.value, ast.Missing | ast.Elements) or node.index is not None or node.taken_ago:
@@ -188,18 +193,32 @@ def _given_restarted(checker: Checker, node: ast.GivenDecl, *, is_first: bool) -
 
 def _given(checker: Checker, node: ast.GivenDecl) -> list[ir.GivenReading]:
     """Check `sensor = value`, `sensor[index] = value` or `sensor = missing`, with or without its age."""
-    if node.sensor.path[0] == ir.SENT:
-        sent = sent_field(checker, node.sensor)
+    named = node.sensor
+    if not isinstance(named, ast.Reference):
+        role = _given_role(checker, named)
+        return [] if role is None else _given_to(checker, node, role)
+    if named.path[0] == ir.SENT:
+        sent = sent_field(checker, named)
         return [] if sent is None else _given_to(checker, node, sent)
-    symbol = checker.scope.robot.values.get(node.sensor.text) or _program_sensor(checker, node.sensor)
+    symbol = checker.scope.robot.values.get(named.text) or _program_sensor(checker, named)
     if not isinstance(symbol, SensorSymbol):
-        if not isinstance(symbol, BrokenSymbol) and not checker.scope.may_be_lost(node.sensor.text):
-            hint = checker.report.suggest(node.sensor.text, checker.scope.robot.values)
-            if checker.scope.value(node.sensor.text) is not None:
+        if not isinstance(symbol, BrokenSymbol) and not checker.scope.may_be_lost(named.text):
+            hint = checker.report.suggest(named.text, checker.scope.robot.values)
+            if checker.scope.value(named.text) is not None:
                 hint = "tests give values only to sensors; derived values are computed from them"
-            report_unknown(checker, "E603", node.sensor, f"unknown sensor `{node.sensor.text}`", hint)
+            report_unknown(checker, "E603", named, f"unknown sensor `{named.text}`", hint)
         return []
     return _given_to(checker, node, symbol.sensor)
+
+
+def _given_role(checker: Checker, node: ast.By | ast.Is) -> ir.Sensor | None:
+    """Return the sensor of what a module did in the frame before; errors in its names are reported later."""
+    if is_before(node):
+        quiet = replace(checker, report=CheckReport(suggestions=0))
+        return None if role_read(checker, node) is None else role_sensor(quiet, node)
+    hint = "give what a module did in the frame before: `last.ACTUATOR by MODULE = true`"
+    checker.error("E603", node, "what a module does is decided, not given", hint)
+    return None
 
 
 def _program_sensor(checker: Checker, node: ast.Reference) -> ValueSymbol | None:

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
 
 from colony.dsl import ast
-from colony.dsl.check.scope import CheckReport, FileScope, ModuleSymbol, WireSymbol, is_private, label
+from colony.dsl.check.scope import (
+    CheckReport,
+    FileScope,
+    ModuleSymbol,
+    SequenceSymbol,
+    WireSymbol,
+    is_private,
+    label,
+)
 from colony.ir.program import SENT
+from colony.record import Record
 
 # --- reserved -----------------------------------------------------------------------------------------
 #
@@ -63,6 +73,7 @@ def _declared_names(scope: FileScope) -> Iterator[ast.NameNode]:
                 | ast.LetDecl()
                 | ast.StateDecl()
                 | ast.MachineDecl()
+                | ast.SequenceDecl()
                 | ast.DerivedModuleDecl()
             ):
                 yield node.name
@@ -80,8 +91,10 @@ VALUE_DECLARATIONS = (
     ast.FunctionDecl,
     ast.StateDecl,
     ast.MachineDecl,
+    ast.SequenceDecl,
 )
 MODULE_DECLARATIONS = (ast.ModuleDecl, ast.DerivedModuleDecl, ast.PythonModuleDecl)
+ModuleNode = ast.ModuleDecl | ast.DerivedModuleDecl | ast.PythonModuleDecl
 
 
 def declare_names(report: CheckReport, scopes: list[FileScope]) -> None:
@@ -134,6 +147,8 @@ def _declare(report: CheckReport, scope: FileScope) -> None:
                     isinstance(node, ast.ParamDecl) and node.interval is None
                 ):
                     scope.constant_names.add(node.name.text)
+                if isinstance(node, ast.SequenceDecl):
+                    _declare_sequence(report, scope, node.name, network_names, actuators)
         elif isinstance(node, MODULE_DECLARATIONS):
             if node.name.text in actuators:
                 report.error(
@@ -148,6 +163,21 @@ def _declare(report: CheckReport, scope: FileScope) -> None:
         elif isinstance(node, ast.NetworkDecl):
             for wire in node.wires:
                 _declare_wire(report, scope, wire.name, network_names, actuators)
+
+
+def _declare_sequence(
+    report: CheckReport,
+    scope: FileScope,
+    name: ast.NameNode,
+    network_names: dict[str, ast.NameNode],
+    actuators: set[str],
+) -> None:
+    """Declare the name of a sequence as that of a part, as which its tasks and wires are found."""
+    if name.text in actuators:
+        report.error(scope, "E102", name, f"the robot has an actuator `{name.text}` already")
+    elif _declare_once(report, scope, network_names, name):
+        scope.network_symbols[name.text] = SequenceSymbol(name=scope.full_name(name.text))
+        scope.visible_network_symbols[name.text] = scope
 
 
 def _declare_wire(
@@ -266,3 +296,50 @@ def _import_names(
                 if isinstance(node, ast.ImportDecl):
                     hint += f', or write `import "{node.path}" as NAME`'
                 report.error(scope, "E102", node, message, hint)
+
+
+# --- texts of modules ---------------------------------------------------------------------------------
+
+
+def modules_declared(scopes: list[FileScope]) -> dict[str, tuple[FileScope, ModuleNode]]:
+    """Return the declarations of all modules of a program, each with its file, by full name."""
+    found: dict[str, tuple[FileScope, ModuleNode]] = {}
+    for scope in scopes:
+        for node in scope.file.tree.declarations:
+            if isinstance(node, MODULE_DECLARATIONS):
+                found.setdefault(scope.full_name(node.name.text), (scope, node))
+    return found
+
+
+def text_of(
+    scope: FileScope, node: ModuleNode, modules: Mapping[str, tuple[FileScope, ModuleNode]]
+) -> tuple[FileScope, ast.ModuleDecl | ast.PythonModuleDecl | None, bool]:
+    """Return the declaration that a module, which may be derived, has its text from, and its file.
+
+    The last value is true if it, or a module that it is derived from, is failsafe. The declaration is None if
+    a base is unknown, or derived from itself, which is reported where modules are checked.
+    """
+    seen: set[str] = set()
+    is_failsafe = node.failsafe
+    while isinstance(node, ast.DerivedModuleDecl):
+        inner, path = scope.resolve_part(node.base.path)
+        symbol = inner.network_symbol(path[0]) if len(path) == 1 else None
+        if not isinstance(symbol, ModuleSymbol) or symbol.name in seen or symbol.name not in modules:
+            return scope, None, is_failsafe
+        seen.add(symbol.name)
+        scope, node = modules[symbol.name]
+        is_failsafe = is_failsafe or node.failsafe
+    return scope, node, is_failsafe
+
+
+def references_in(node: ast.SyntaxNode) -> Iterator[ast.Reference]:
+    """Yield all references in a declaration."""
+    work: list[object] = [node]
+    while work:
+        part = work.pop()
+        if isinstance(part, ast.Reference):
+            yield part
+        elif isinstance(part, tuple):
+            work += part
+        elif isinstance(part, Record):
+            work += [getattr(part, f.name) for f in fields(part)]  # type: ignore[arg-type]

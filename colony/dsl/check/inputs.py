@@ -157,6 +157,8 @@ def check_nexts(
 def machine_type(checker: Checker, node: ast.MachineDecl) -> MachineSymbol | BrokenSymbol:
     """Return the symbol of a machine; its phases are numbered in the order in which they are first named."""
     phases: dict[str, ast.NameNode] = {node.initial.text: node.initial}
+    for task in node.tasks:
+        phases.setdefault(task.text, task)
     for transition in node.transitions:
         for phase in (transition.source, transition.target):
             if phase is not None:
@@ -202,6 +204,7 @@ def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Ma
         type=type_,
         start=numbers[node.initial.text],
         transitions=tuple(transitions),
+        tasks=tuple(task.text for task in node.tasks),
     )
 
 

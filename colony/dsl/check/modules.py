@@ -10,6 +10,7 @@ from typing import TypeVar
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker, reject_private_member, type_hint
 from colony.dsl.check.compatibility import fits, with_article
+from colony.dsl.check.declare import ModuleNode
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.functions import declare_function
 from colony.dsl.check.inputs import (
@@ -40,12 +41,11 @@ from colony.dsl.check.scope import (
 )
 from colony.dsl.check.site_values import outside_text, site_param
 from colony.ir import program as ir
-from colony.ir.expression import Constant, Expression
+from colony.ir.expression import Binary, BinaryOperation, Constant, Expression
 from colony.ir.types import BOOL, DIMENSIONLESS, Enum, ScalarValue, type_text
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, has_errors
 
-ModuleNode = ast.ModuleDecl | ast.DerivedModuleDecl | ast.PythonModuleDecl
 _Clause = TypeVar("_Clause", bound=ast.Clause | ast.PythonClause)
 _DECLARING = (ast.InputDecl, ast.ParamDecl, ast.LetDecl, ast.FunctionDecl, ast.StateDecl)
 _PYTHON_PATH = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*:[A-Za-z_]\w*")
@@ -149,7 +149,8 @@ def _derivation(node: ModuleNode) -> str | None:
     if not isinstance(node, ast.DerivedModuleDecl):
         return None
     given = "..., " if node.arguments else ""
-    return f"module {node.name.text} = {node.base.text}({given}"
+    head = f"module {node.name.text}" if node.phase is None else node.name.text.rpartition(".")[2]
+    return f"{head} = {node.base.text}({given}"
 
 
 # --- derived modules -------------------------------------------------------------------------------
@@ -205,10 +206,18 @@ def _base(
 ) -> PendingModule | None:
     """Return the declaration that a derived module names as its base."""
     assert isinstance(pending.node, ast.DerivedModuleDecl)
-    scope, path = pending.scope.resolve(pending.node.base.path)
+    scope, path = pending.scope.resolve_part(pending.node.base.path)
     symbol = scope.network_symbol(path[0]) if len(path) == 1 else None
     if isinstance(symbol, ModuleSymbol) and symbol.name in by_name:
-        return by_name[symbol.name]
+        base = by_name[symbol.name]
+        if not (isinstance(base.node, ast.DerivedModuleDecl) and base.node.phase is not None):
+            return base
+        if not quiet:
+            task, written = pending.node.base.text, base.node.base.text
+            message = f"`{task}` is a task, and applies only in its phase: nothing can be derived from it"
+            checker = ExpressionChecker(scope=pending.scope, report=report)
+            checker.error("E404", pending.node.base, message, f"derive from `{written}`")
+        return None
     if quiet:
         return None
     if symbol is None or isinstance(symbol, ModuleSymbol):
@@ -313,6 +322,8 @@ def _instance(report: CheckReport, pending: PendingModule, template: Template) -
         module = _module(checker, pending, template.node, template, local)
     if module is not None:
         module = replace(module, failsafe=template.failsafe)
+        if isinstance(pending.node, ast.DerivedModuleDecl) and pending.node.phase is not None:
+            module = _in_phase(report, pending, pending.node.phase, module)
     if derived:
         report.cells = derived_report.cells
         _report_misfits(report, pending, derived_report)
@@ -322,6 +333,19 @@ def _instance(report: CheckReport, pending: PendingModule, template: Template) -
         if module is None and not has_errors(derived_report.diagnostics[before:]):
             module = _stand_in(pending)
     return Instance(module=module if inputs.are_valid else None, inputs=inputs, members=local)
+
+
+def _in_phase(
+    report: CheckReport, pending: PendingModule, phase: ast.Expression, module: ir.AnyModule
+) -> ir.AnyModule:
+    """Return the module of a task, which applies only in its phase; its memory advances in all phases."""
+    present = ExpressionChecker(scope=pending.scope, report=report).check(phase)
+    if present is None or not isinstance(module, ir.Module):
+        return module  # which was reported
+    when = BinaryOperation(
+        type=BOOL, operator=Binary.AND, left=present, right=module.when, span=module.when.span
+    )
+    return replace(module, when=when)
 
 
 def _stand_in(pending: PendingModule) -> ir.Module:

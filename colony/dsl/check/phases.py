@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
+from colony.dsl.check.compatibility import constant_value
 from colony.ir import expression as ir
 from colony.ir.program import Machine, Transition
 from colony.text.diagnostics import Diagnostic, note, warning
@@ -13,12 +14,17 @@ from colony.text.diagnostics import Diagnostic, note, warning
 
 def phase_findings(checker: Checker, node: ast.MachineDecl, machine: Machine) -> Iterator[Diagnostic]:
     """Yield a warning for each phase that nothing leads to, and a note for each that nothing leaves."""
+    tasks = {task.text for task in node.tasks}
     taken = {name: _targets(machine, number) for name, number in machine.type.members}
     reached = _reached(machine, taken)
     for phase in _phases(node):
         name = phase.text
+        if tasks and (name in reached or name not in tasks):
+            continue
         if name not in reached:
-            if _is_target(node, name):
+            if tasks:
+                hint = "correct the `until` of the task above, or name this one after an `else`"
+            elif _is_target(node, name):
                 hint = "correct the conditions of the transitions to it, or of those that lead there"
             else:
                 hint = f"add a transition `... -> {name} when ...`, or remove the phase"
@@ -32,7 +38,7 @@ def phase_findings(checker: Checker, node: ast.MachineDecl, machine: Machine) ->
 
 def _phases(node: ast.MachineDecl) -> tuple[ast.NameNode, ...]:
     """Return the first mention of each phase, in the order written."""
-    phases = {node.initial.text: node.initial}
+    phases = {name.text: name for name in (node.initial, *node.tasks)}
     for transition in node.transitions:
         for phase in (transition.source, transition.target):
             if phase is not None:
@@ -60,8 +66,14 @@ def _targets(machine: Machine, phase: float) -> frozenset[float]:
 
 
 def _is_constant(transition: Transition, value: bool) -> bool:
-    condition = transition.condition
-    return isinstance(condition, ir.Constant) and condition.value is value
+    return constant_value(transition.condition) is value or (not value and _is_false(transition.condition))
+
+
+def _is_false(condition: ir.Expression) -> bool:
+    """Return True if a part of a conjunction is constantly false, as the `until` of a task may be."""
+    if isinstance(condition, ir.BinaryOperation) and condition.operator is ir.Binary.AND:
+        return _is_false(condition.left) or _is_false(condition.right)
+    return constant_value(condition) is False
 
 
 def _reached(machine: Machine, taken: dict[str, frozenset[float]]) -> frozenset[str]:

@@ -14,7 +14,7 @@ from typing import TypeVar
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.contracts import check_contract, check_limit, check_test, frames_are_regular
-from colony.dsl.check.declare import MODULE_DECLARATIONS, declare_names
+from colony.dsl.check.declare import MODULE_DECLARATIONS, declare_names, modules_declared
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.functions import declare_function
 from colony.dsl.check.inputs import (
@@ -29,6 +29,7 @@ from colony.dsl.check.inputs import (
 )
 from colony.dsl.check.modules import PendingModule, check_modules
 from colony.dsl.check.phases import phase_findings
+from colony.dsl.check.references import role_sensor
 from colony.dsl.check.robot import check_enum, check_input, check_robot, literal_frame_period
 from colony.dsl.check.scope import (
     BrokenSymbol,
@@ -41,9 +42,17 @@ from colony.dsl.check.scope import (
     StateSymbol,
     WireSymbol,
 )
+from colony.dsl.check.sequence_text import written_out
+from colony.dsl.check.sequences import (
+    bases_of_tasks,
+    waiting_findings,
+    with_modules_of_tasks,
+    write_out_sequences,
+)
 from colony.dsl.check.site_values import bind_params
 from colony.dsl.check.wiring import PendingWire, check_outputs, check_wires, names_reaching_actuators
 from colony.dsl.files import SourceTree
+from colony.dsl.printer import print_declarations, print_file
 from colony.dsl.site import SiteParams
 from colony.ir import program as ir
 from colony.ir.types import ScalarValue
@@ -66,13 +75,28 @@ def check_program(
     return (None if has_errors(diagnostics) else program), diagnostics
 
 
+def write_out(tree: SourceTree, *, params: SiteParams | None = None) -> str:
+    """Return what the sequences of the main file stand for, as text; nothing without any, or with errors."""
+    check = _Check(tree, CheckReport(diagnostics=[*tree.diagnostics]), params)
+    if check.run() is None or has_errors(check.report.diagnostics):
+        return ""
+    return print_declarations(written_out(check.scopes)[1])
+
+
+def without_sequences(tree: SourceTree, *, params: SiteParams | None = None) -> str:
+    """Return the text of the main file of a program without errors with its sequences written out."""
+    check = _Check(tree, CheckReport(), params)
+    check.run()
+    return print_file(written_out(check.scopes)[0])
+
+
 class _Check:
     """A check of one program in progress."""
 
     def __init__(self, tree: SourceTree, report: CheckReport, params: SiteParams | None) -> None:
         self.report = report
         self.robot = RobotScope()
-        self.scopes = [FileScope(file=f, robot=self.robot) for f in tree.files]
+        self.scopes = [FileScope(file=with_modules_of_tasks(f), robot=self.robot) for f in tree.files]
         self.root = self.scopes[-1]
         declare_names(report, self.scopes)
         self.site = None if params is None else bind_params(report, self.scopes, params)
@@ -81,6 +105,7 @@ class _Check:
         self._constants()
         robot = self._robot()
         inputs = self._inputs()
+        write_out_sequences(self.report, self.scopes, modules_declared(self.scopes))
         derived = self._derived()
         checked = check_modules(self.report, self._pending_modules())
         modules = list(checked.modules)
@@ -89,6 +114,7 @@ class _Check:
         contracts = self._contracts(robot)
         root_checker = ExpressionChecker(scope=self.root, report=self.report)
         tests = [check_test(root_checker, n) for c, n in self._each(ast.TestDecl) if c.scope is self.root]
+        self._roles()
         if robot is None:
             return None
         assert has_errors(self.report.diagnostics) or not (
@@ -100,7 +126,7 @@ class _Check:
         ), "a declaration was left out without an error"
         derived = self._with_inputs(derived, checked.input_lets)
         self._warn_unused(robot, modules, wires)
-        self._look_at_phases(derived)
+        self._look_at_phases(derived, {s.name: s for s in (*robot.sensors, *inputs)})
         sent = sorted(self.robot.sent.values(), key=lambda sensor: _place(robot, sensor))
         return ir.Program(
             robot=replace(
@@ -299,6 +325,14 @@ class _Check:
                 contracts[full_name] = found
         return list(contracts.values())
 
+    def _roles(self) -> None:
+        """Add the sensors of what modules did in the frame before, each named place once."""
+        places = {(scope.file.key, n.start, n.end, n): (scope, n) for scope, n in self.robot.roles}
+        for scope, node in places.values():
+            sensor = role_sensor(ExpressionChecker(scope=scope, report=self.report), node)
+            if sensor is not None:
+                self.robot.sent.setdefault(sensor.name, sensor)
+
     def _tunables(self, templates: frozenset[str]) -> tuple[ir.Sensor, ...]:
         """Return the tunable params that the program reads, without those of templates."""
         found = self.robot.tunables
@@ -310,7 +344,7 @@ class _Check:
         """Warn about modules and wires of the main file without effect, and about undriven actuators."""
         if has_errors(self.report.diagnostics):
             return
-        used = names_reaching_actuators(wires)
+        used = names_reaching_actuators(wires) | bases_of_tasks(self.root)
         main_source = self.root.file.source
         for kind, parts in (("module", modules), ("wire", wires)):
             for part in parts:
@@ -339,8 +373,11 @@ class _Check:
                     )
                 self.report.diagnostics.append(warning("W002", actuator.span, message, hint))
 
-    def _look_at_phases(self, derived: list[ir.Derived]) -> None:
-        """Report the phases of the main file's machines that nothing leads to, or that nothing leaves."""
+    def _look_at_phases(self, derived: list[ir.Derived], sensors: dict[str, ir.Sensor]) -> None:
+        """Report the phases of the main file's machines that nothing leads to, or that nothing leaves.
+
+        Of its sequences, tasks that may wait for ever for one of `sensors` are reported, too.
+        """
         if has_errors(self.report.diagnostics):
             return
         machines = {d.name: d for d in derived if isinstance(d, ir.Machine)}
@@ -348,6 +385,9 @@ class _Check:
             if checker.scope is self.root:
                 machine = machines[checker.scope.full_name(node.name.text)]
                 self.report.diagnostics += phase_findings(checker, node, machine)
+        for checker, sequence in self._each(ast.SequenceDecl):
+            if checker.scope is self.root:
+                self.report.diagnostics += waiting_findings(checker, sequence, derived, sensors)
 
     def _declares(self, *kinds: type[ast.SyntaxNode]) -> bool:
         """Return True if the main file has a declaration of these kinds."""
@@ -361,10 +401,15 @@ class _Check:
         )
 
 
-def _place(robot: ir.Robot, sensor: ir.Sensor) -> tuple[int, int]:
-    """Return the place of the field `last.ACTUATOR.FIELD` among all fields of the robot."""
+def _place(robot: ir.Robot, sensor: ir.Sensor) -> tuple[int, int, str]:
+    """Return the place of a sensor `last...` among all: by actuator its fields, then the roles of modules."""
     assert sensor.sent is not None
-    return [a.name for a in robot.actuators].index(sensor.sent[0]), sensor.sent[1]
+    actuator, of = [a.name for a in robot.actuators].index(sensor.sent.actuator), sensor.sent.of
+    return (
+        (actuator, of, "")
+        if isinstance(of, int)
+        else (actuator, len(robot.actuators[actuator].fields), sensor.name)
+    )
 
 
 _UNREADABLE_CODES = frozenset(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import islice
+from typing import Literal, TypeGuard
 
 from colony.dsl import ast
 from colony.dsl.check.arrays import MAX_ITERATIONS
@@ -31,6 +32,7 @@ from colony.dsl.check.scope import (
     ParamSymbol,
     PlaceholderSymbol,
     SensorSymbol,
+    SequenceSymbol,
     StateSymbol,
     TunableSymbol,
     ValueSymbol,
@@ -65,21 +67,25 @@ def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | 
     if head in checker.local:
         return _member(checker, node, checker.local[head], node.path[1:])
     scope, path = checker.scope.resolve(node.path)
-    symbol, network_symbol = scope.value(path[0]), scope.network_symbol(path[0])
+    symbol, part = scope.value(path[0]), _part_with_members(scope, path)
     if symbol is not None and len(path) == 1:
         return _value(checker, node, symbol)
     if isinstance(symbol, BrokenSymbol):
         return None
-    if isinstance(symbol, EnumSymbol | MachineSymbol) and not _is_network_member(
-        checker, symbol, network_symbol, path[1]
-    ):
-        return _member(checker, node, symbol, path[1:])
-    if network_symbol is not None and len(path) == 2:
-        return _network_member(checker, node, network_symbol, path[1])
+    is_value = isinstance(symbol, EnumSymbol | MachineSymbol) and len(path) == 2
+    if part is not None and not (is_value and not _is_network_member(checker, symbol, part, path[1])):
+        return _network_member(checker, node, part, path[-1])
     if symbol is not None:
         return _member(checker, node, symbol, path[1:])
     _unknown(checker, node, scope, path[0])
     return None
+
+
+def _part_with_members(scope: FileScope, path: tuple[str, ...]) -> NetworkSymbol | None:
+    """Return the module, wire or actuator of `part.member` or, in a sequence, of `sequence.part.member`."""
+    if len(path) == 3 and isinstance(scope.network_symbol(path[0]), SequenceSymbol):
+        return scope.network_symbol(".".join(path[:2]))
+    return scope.network_symbol(path[0]) if len(path) == 2 else None
 
 
 def _sent_before(checker: Checker, node: ast.Reference) -> ir.Expression | None:
@@ -181,10 +187,11 @@ def _member_word(enum: Enum) -> str:
 
 
 def _is_network_member(
-    checker: Checker, symbol: EnumSymbol | MachineSymbol, network_symbol: NetworkSymbol | None, name: str
+    checker: Checker, symbol: ValueSymbol | None, network_symbol: NetworkSymbol, name: str
 ) -> bool:
     """Return True if `owner.name` is a member of a module or actuator, although `owner` is also a value."""
-    if not checker.in_contract_or_test or name in dict(symbol.type.members):
+    is_known = isinstance(symbol, EnumSymbol | MachineSymbol) and name in dict(symbol.type.members)
+    if is_known or not checker.in_contract_or_test:
         return False
     match network_symbol:
         case ActuatorSymbol(actuator=actuator):
@@ -227,8 +234,8 @@ def _network_member(
                 or "a contract can read the module's params, inputs, lets and states"
             )
             checker.error("E108", node, f"module `{owner}` has no `{name}`", hint)
-        case WireSymbol():
-            checker.error("E108", node, f"`{owner}` is a wire and has no `{name}`")
+        case WireSymbol() | SequenceSymbol():
+            checker.error("E108", node, f"`{owner}` is {kind_of_part(network_symbol)} and has no `{name}`")
     return None
 
 
@@ -307,6 +314,8 @@ def kind_of_part(symbol: NetworkSymbol) -> str:
             return "an actuator"
         case WireSymbol():
             return "a wire"
+        case SequenceSymbol():
+            return "a sequence"
         case _:
             return "a module"
 
@@ -315,7 +324,9 @@ def kind_of_part(symbol: NetworkSymbol) -> str:
 
 
 def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
-    """Resolve `actuator by module`."""
+    """Resolve `actuator by module`, also of the frame before."""
+    if is_before(node):
+        return _read_role(checker, node)
     if not _check_in_contract_or_test(checker, node):
         return None
     actuator, module = network_symbol_of(checker, node.actuator), network_symbol_of(checker, node.module)
@@ -327,16 +338,25 @@ def resolve_winner(checker: Checker, node: ast.By) -> ir.Expression | None:
         module = None
     if not isinstance(actuator, ActuatorSymbol) or not isinstance(module, ModuleSymbol):
         return None
-    if module.actuator != actuator.actuator.name:
-        hint = f"it commands `{module.actuator}`" if module.actuator else "it commands nothing"
-        checker.error("E202", node.module, f"`{module.name}` never commands `{actuator.actuator.name}`", hint)
+    if not _commands(checker, node.module, module, actuator):
         return None
     span = checker.span(node)
     return ir.WonBy(type=BOOL, actuator=actuator.actuator.name, module=module.name, span=span)
 
 
+def _commands(checker: Checker, node: ast.Expression, module: ModuleSymbol, actuator: ActuatorSymbol) -> bool:
+    """Return True if a module commands an actuator; report an error if it does not."""
+    if module.actuator == actuator.actuator.name:
+        return True
+    hint = f"it commands `{module.actuator}`" if module.actuator else "it commands nothing"
+    checker.error("E202", node, f"`{module.name}` never commands `{actuator.actuator.name}`", hint)
+    return False
+
+
 def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
-    """Resolve `name is active`, `actuator is commanded`, `actuator is idle`."""
+    """Resolve `name is active`, also of the frame before, `actuator is commanded`, `actuator is idle`."""
+    if is_before(node):
+        return _read_role(checker, node)
     if not _check_in_contract_or_test(checker, node):
         return None
     network_symbol = network_symbol_of(checker, node.subject)
@@ -361,9 +381,93 @@ def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
     return ir.IsActive(type=BOOL, name=network_symbol.name, span=span)
 
 
+# --- `by` and `is` of the frame before -----------------------------------------------------------
+#
+# They are sensors, which may be read before the module that they name is checked. So an expression reads them
+# by name, and `role_sensors` checks what they name once all modules are known.
+
+
+def is_before(node: ast.SyntaxNode) -> TypeGuard[ast.By | ast.Is]:
+    """Return True for `last.ACTUATOR by MODULE` and `last.MODULE is active`."""
+    subject = (
+        node.actuator if isinstance(node, ast.By) else node.subject if isinstance(node, ast.Is) else None
+    )
+    return isinstance(subject, ast.Reference) and subject.path[0] == program_ir.SENT
+
+
+def role_read(checker: Checker, node: ast.By | ast.Is) -> str | None:
+    """Return the name of the sensor that `node` reads, or None after reporting an error of its form."""
+    subject = node.actuator if isinstance(node, ast.By) else node.subject
+    assert isinstance(subject, ast.Reference)
+    if isinstance(node, ast.By):
+        named = node.module
+        if len(subject.path) != 2 or not isinstance(named, ast.Reference):
+            hint = "name an actuator and a module: `last.ACTUATOR by MODULE`"
+            checker.error("E202", node, "expected `by` between an actuator and a module", hint)
+            return None
+        kind: Literal["by", "active"] = "by"
+    else:
+        if node.status != "active" or len(subject.path) == 1:
+            hint = "name a module, `last.MODULE is active`, or read `last.ACTUATOR by MODULE`"
+            checker.error("E202", node, f"`{subject.text} is {node.status}` cannot be read", hint)
+            return None
+        kind, named = "active", _module_named(node)
+    checker.scope.robot.roles.append((checker.scope, node))
+    scope, path = checker.scope.resolve_part(named.path)
+    owner = scope.visible_network_symbols.get(path[0].partition(".")[0]) if len(path) == 1 else None
+    module = named.text if owner is None else owner.full_name(path[0])
+    return program_ir.role_name(subject.path[1], program_ir.Role(kind=kind, module=module))
+
+
+def _module_named(node: ast.Is) -> ast.Reference:
+    """Return the reference to the module of `last.MODULE is active`."""
+    assert isinstance(node.subject, ast.Reference)
+    start = node.subject.end - len(node.subject.path[-1])
+    return ast.Reference(path=node.subject.path[1:], start=start, end=node.subject.end)
+
+
+def _read_role(checker: Checker, node: ast.By | ast.Is) -> ir.Expression | None:
+    if checker.constants_only:
+        checker.error("E204", node, "what a module did in the frame before is not constant", CONSTANT_HINT)
+        return None
+    name = role_read(checker, node)
+    return None if name is None else ir.SensorValue(type=BOOL, name=name, span=checker.span(node))
+
+
+def role_sensor(checker: Checker, node: ast.By | ast.Is) -> program_ir.Sensor | None:
+    """Return the sensor that `node` reads once all modules are checked, or None after reporting an error."""
+    if isinstance(node, ast.By):
+        assert isinstance(node.actuator, ast.Reference)
+        name = node.actuator.path[1]
+        end = node.actuator.end
+        actuator = actuator_named(checker, ast.NameNode(text=name, start=end - len(name), end=end))
+        module = network_symbol_of(checker, node.module)
+    else:
+        actuator, module = None, resolve_network_symbol(checker, named := _module_named(node))
+    if module is None or isinstance(module, BrokenSymbol) or (isinstance(node, ast.By) and actuator is None):
+        return None
+    node_of_module = node.module if isinstance(node, ast.By) else named
+    if not isinstance(module, ModuleSymbol):
+        hint = "name a module" if isinstance(module, WireSymbol) else "read `last.ACTUATOR by MODULE`"
+        checker.error("E202", node_of_module, f"expected a module, found {kind_of_part(module)}", hint)
+        return None
+    if actuator is None:
+        found = checker.scope.robot.network_symbols.get(module.actuator or "")
+        actuator = found.actuator if isinstance(found, ActuatorSymbol) else None
+    if actuator is None:
+        hint = "the server of an actuator knows only the modules that command it"
+        checker.error("E202", node_of_module, f"`{module.name}` commands nothing", hint)
+        return None
+    if not _commands(checker, node_of_module, module, ActuatorSymbol(actuator=actuator)):
+        return None
+    kind: Literal["by", "active"] = "by" if isinstance(node, ast.By) else "active"
+    return program_ir.role_sensor(actuator, program_ir.Role(kind=kind, module=module.name))
+
+
 def _check_in_contract_or_test(checker: Checker, node: ast.SyntaxNode) -> bool:
     if not checker.in_contract_or_test:
-        checker.error("E210", node, "`by` and `is` are allowed only in contracts and tests")
+        hint = "of the frame before, read `last.ACTUATOR by MODULE` or `last.MODULE is active`"
+        checker.error("E210", node, "`by` and `is` are allowed only in contracts and tests", hint)
     return checker.in_contract_or_test
 
 
@@ -377,7 +481,7 @@ def network_symbol_of(checker: Checker, node: ast.Expression) -> NetworkSymbol |
 
 def resolve_network_symbol(checker: Checker, node: ast.Reference) -> NetworkSymbol | None:
     """Return the module, wire or actuator of this name, or None after an error."""
-    scope, path = checker.scope.resolve(node.path)
+    scope, path = checker.scope.resolve_part(node.path)
     network_symbol: NetworkSymbol | None = None
     if len(path) == 1 and scope is not checker.scope:
         network_symbol = scope.actuator_wires.get(path[0])
@@ -392,6 +496,10 @@ def resolve_network_symbol(checker: Checker, node: ast.Reference) -> NetworkSymb
         return None
     if isinstance(network_symbol, ModuleSymbol) and network_symbol.unbound:
         _report_unbound(checker, node, node.text, network_symbol)
+        return BrokenSymbol()
+    if isinstance(network_symbol, SequenceSymbol):
+        hint = f"name one of its tasks or wires: `{node.text}.TASK`, `{node.text}.ACTUATOR`"
+        checker.error("E106", node, f"`{node.text}` is a sequence, not a module, wire or actuator", hint)
         return BrokenSymbol()
     if network_symbol is None and not reject_private_name(checker, node, scope, path[0]):
         known_names = [*scope.visible_network_symbols, *scope.robot.network_symbols, *scope.aliases]

@@ -338,13 +338,20 @@ class WireSymbol(Record):
 
 
 @record
+class SequenceSymbol(Record):
+    """A sequence by its full name; its tasks are modules, and its wires wires, called `sequence.name`."""
+
+    name: str
+
+
+@record
 class ActuatorSymbol(Record):
     """An actuator of the robot."""
 
     actuator: ir.Actuator
 
 
-NetworkSymbol = ModuleSymbol | WireSymbol | ActuatorSymbol | BrokenSymbol
+NetworkSymbol = ModuleSymbol | WireSymbol | SequenceSymbol | ActuatorSymbol | BrokenSymbol
 
 
 @dataclass(slots=True)
@@ -352,10 +359,11 @@ class RobotScope:
     """Sensors and actuators, which are visible in every file. Filled in when the robot is checked.
 
     If the program has no robot, or its text cannot be read, unknown names are not reported. `sent` are the
-    fields `last.ACTUATOR.FIELD` that something reads, by name, and `tunables` the tunable params; `frame_ns`
-    is the frame period, None while it is unknown. `renamed` are the sensors to which lets of files give other
-    names, by these names in full. `title` is the robot with its file, for messages; `lacks` are the names
-    that files with `import robot` read and nothing declares.
+    sensors `last...` that something reads, by name, and `tunables` the tunable params; `roles` is where
+    something reads what a module did in the frame before. `frame_ns` is the frame period, None while it is
+    unknown. `renamed` are the sensors to which lets of files give other names, by these names in full.
+    `title` is the robot with its file, for messages; `lacks` are the names that files with `import robot`
+    read and nothing declares.
     """
 
     absent: bool = False
@@ -363,6 +371,7 @@ class RobotScope:
     lacks: set[str] = field(default_factory=set)
     frame_ns: int | None = None
     sent: dict[str, ir.Sensor] = field(default_factory=dict)
+    roles: list[tuple[FileScope, ast.By | ast.Is]] = field(default_factory=list)
     tunables: dict[str, ir.Sensor] = field(default_factory=dict)
     renamed: dict[str, str] = field(default_factory=dict)
     sensor_names: set[str] = field(default_factory=set)
@@ -412,7 +421,7 @@ class FileScope:
 
     def network_symbol(self, name: str) -> NetworkSymbol | None:
         """Return the module, wire or actuator of a name; `BrokenSymbol` and None are as for `value`."""
-        owner = None if self._hides(name) else self.visible_network_symbols.get(name)
+        owner = None if self._hides(name) else self.visible_network_symbols.get(name.partition(".")[0])
         symbol = self.robot.network_symbols.get(name) if owner is None else owner.network_symbols.get(name)
         if self.robot.absent and isinstance(symbol, WireSymbol):
             return BrokenSymbol()  # it may be an actuator of the missing robot
@@ -444,9 +453,16 @@ class FileScope:
             else (replace(scope, robot=RobotScope(), is_read_by_alias=True), path)
         )
 
+    def resolve_part(self, path: tuple[str, ...]) -> tuple[FileScope, tuple[str, ...]]:
+        """Follow aliases as `resolve` does; a part of a sequence has one name, `sequence.part`."""
+        scope, path = self.resolve(path)
+        is_part = len(path) == 2 and isinstance(scope.network_symbol(path[0]), SequenceSymbol)
+        return scope, (".".join(path),) if is_part else path
+
     def full_name(self, name: str) -> str:
         """Return the full name, in the program, of a name declared in this file."""
-        return self.private_names.get(name) or self.file.prefix + name
+        head, dot, rest = name.partition(".")  # the parts of a sequence are called `sequence.part`
+        return f"{self.private_names.get(head) or self.file.prefix + head}{dot}{rest}"
 
 
 def is_private(name: str) -> bool:

@@ -6,18 +6,17 @@ Such a value may read what the value in its place may read: enums, and the param
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker, short_number
 from colony.dsl.check.compatibility import fits, with_article
-from colony.dsl.check.declare import MODULE_DECLARATIONS
+from colony.dsl.check.declare import ModuleNode, modules_declared, references_in, text_of
 from colony.dsl.check.scope import (
     BrokenSymbol,
     CheckReport,
     FileScope,
-    ModuleSymbol,
     ParamSymbol,
     TunableSymbol,
     is_private,
@@ -41,8 +40,6 @@ from colony.text.wording import did_you_mean
 
 
 _MAX_LISTED = 8
-
-ModuleNode = ast.ModuleDecl | ast.DerivedModuleDecl | ast.PythonModuleDecl
 
 
 @record
@@ -120,13 +117,9 @@ class _Catalog:
         self._root = scopes[-1]
         self._scopes = scopes
         self._of_robot = _interface_files(scopes)
-        self._modules: dict[str, tuple[FileScope, ModuleNode]] = {}
+        self._modules = modules_declared(scopes)
         self.is_incomplete = any(scope.incomplete or scope.file.lost_names for scope in scopes)
         self.names: dict[str, _Declared] = {}
-        for scope in scopes:
-            for node in scope.file.tree.declarations:
-                if isinstance(node, MODULE_DECLARATIONS):
-                    self._modules.setdefault(scope.full_name(node.name.text), (scope, node))
         for scope in scopes:
             for node in scope.file.tree.declarations:
                 self._add_declaration(scope, node)
@@ -167,7 +160,7 @@ class _Catalog:
                     self._add(scope, scope.full_name(node.name.text), node.name, kind)
 
     def _add_members(self, scope: FileScope, module: str, node: ModuleNode) -> None:
-        home, text = self._text_of(scope, node)
+        home, text, _ = text_of(scope, node, self._modules)
         for clause in () if text is None else text.clauses:
             kind = _PARAM if isinstance(clause, ast.ParamDecl) else _KINDS.get(type(clause))
             if kind is not None:
@@ -176,24 +169,6 @@ class _Catalog:
                 self._add(
                     own, f"{module}.{clause.name.text}", clause.name if node is text else node.name, kind
                 )
-
-    def _text_of(
-        self, scope: FileScope, node: ModuleNode
-    ) -> tuple[FileScope, ast.ModuleDecl | ast.PythonModuleDecl | None]:
-        """Return the declaration that a module, which may be derived, has its text from."""
-        seen: set[str] = set()
-        while isinstance(node, ast.DerivedModuleDecl):
-            inner, path = scope.resolve(node.base.path)
-            symbol = inner.network_symbol(path[0]) if len(path) == 1 else None
-            if (
-                not isinstance(symbol, ModuleSymbol)
-                or symbol.name in seen
-                or symbol.name not in self._modules
-            ):
-                return scope, None  # reported where modules are checked
-            seen.add(symbol.name)
-            scope, node = self._modules[symbol.name]
-        return scope, node
 
     def _add(self, scope: FileScope, full_name: str, node: ast.NameNode, kind: str) -> None:
         if any(map(is_private, re.split("[.:]", full_name))):  # `low:_p` is one of two files with a `_p`
@@ -219,7 +194,7 @@ class _Catalog:
         }
         while work:
             scope, node = work.pop()
-            for reference in _references(node):
+            for reference in references_in(node):
                 inner, path = scope.resolve(reference.path)
                 owner = inner.visible_values.get(path[0])
                 full_name = "" if owner is None else owner.full_name(path[0])
@@ -234,6 +209,7 @@ _KINDS: Mapping[type, str] = {
     ast.LetDecl: "a let",
     ast.StateDecl: "a state",
     ast.MachineDecl: "a machine",
+    ast.SequenceDecl: "a sequence",
     ast.EnumDecl: "an enum",
     ast.FunctionDecl: "a function",
     ast.InputDecl: "an input",
@@ -256,19 +232,6 @@ def _interface_files(scopes: list[FileScope]) -> set[str]:
             found.add(key)
             work += [import_.target for import_ in by_key[key].file.imports]
     return found - {scopes[-1].file.key}
-
-
-def _references(node: ast.SyntaxNode) -> Iterator[ast.Reference]:
-    """Yield all references in a declaration."""
-    work: list[object] = [node]
-    while work:
-        part = work.pop()
-        if isinstance(part, ast.Reference):
-            yield part
-        elif isinstance(part, tuple):
-            work += part
-        elif isinstance(part, Record):
-            work += [getattr(part, f.name) for f in fields(part)]  # type: ignore[arg-type]
 
 
 # --- site labels --------------------------------------------------------------------------------------

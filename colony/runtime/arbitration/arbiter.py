@@ -24,14 +24,14 @@ one. So exactly one of the commands requested in a frame is dispatched, once:
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import msgspec
 
 from colony.execute.needs import BOUNDS
-from colony.ir.program import in_declared_units
+from colony.ir.program import Role, in_declared_units
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.ballot import (
     NO_INTERVENTIONS,
@@ -44,7 +44,7 @@ from colony.runtime.arbitration.ballot import (
     request_error,
 )
 from colony.runtime.protocol.deployment import ActuatorSpec
-from colony.runtime.protocol.messages import Bounds, Fate, Hold, Request, Tick, Verdict
+from colony.runtime.protocol.messages import ACTIVE, Bounds, Fate, Hold, Request, Tick, Verdict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +94,17 @@ MAX_NOTE_LENGTH = 200
 """Maximum number of notes in a verdict, and of characters in each, whatever clients send."""
 
 Phase = Literal["open", "dispatched", "closed"]
+
+
+def had_role(fates: Mapping[str, Fate], role: Role) -> bool:
+    """Return True if a module had a role in a frame.
+
+    Args:
+        fates: the fates of all clients in the verdict of the frame.
+        role: the role.
+    """
+    fate = fates.get(role.module)
+    return fate == "won" if role.kind == "by" else fate in ACTIVE
 
 
 def with_notes(verdict: Verdict, notes: Iterable[str]) -> Verdict:

@@ -18,7 +18,7 @@ from typing import Any
 import msgspec
 
 from colony.ir.frame import Executor, Frame, Outcome, Reading
-from colony.ir.program import TUNABLE_SERVER, Robot
+from colony.ir.program import TUNABLE_SERVER, Robot, Role
 from colony.ir.servers import DSERVER, PROXIMITY, RSERVER, RUNTIME
 from colony.ir.types import ScalarValue, Value
 from colony.runtime.frames.publishing import Fields
@@ -251,7 +251,7 @@ class Loop:
         sent = {s.name: s.sent for s in robot.sensors if s.sent is not None}
         places = {a.name: i for i, a in enumerate(robot.actuators)}
         self._sent = tuple(
-            (b, places[sent[b.sensor][0]], sent[b.sensor][1]) for b in bindings.sensors if b.sent
+            (b, places[sent[b.sensor].actuator], sent[b.sensor].of) for b in bindings.sensors if b.sent
         )
         self._given: dict[str, Reading] = {}
         self._tuned: dict[str, float] = {}
@@ -313,6 +313,7 @@ class Loop:
 
     def _command(self, commands: list[tuple[ScalarValue, ...] | None], now_ns: int) -> None:
         """Carry out the commands of a frame, by actuator; the next frame reads what was sent of them."""
+        refused = set[int]()
         for i, actuator in self._variable_actuators:
             values = commands[i]
             if values is not None:
@@ -330,10 +331,15 @@ class Loop:
                     performer.perform(actuator, values, stale=False)
                 except NotSentError as problem:  # it has been reported, and the idle command was performed
                     commands[i] = problem.instead
-        for binding, place, index in self._sent:
+                    refused.add(i)
+        for binding, place, of in self._sent:
             command = commands[place]
-            if command is not None:
-                self._given[binding.sensor] = binding.in_base_units(command[index])
+            if isinstance(of, Role):
+                self._given.pop(binding.sensor, None)  # the executor knows it
+                if of.kind == "by" and place in refused:
+                    self._given[binding.sensor] = False
+            elif command is not None:
+                self._given[binding.sensor] = binding.in_base_units(command[of])
 
     def _tune(self, call_id: CallId, arguments: Tune, now_ns: int) -> int:
         """Change tunable params from the next frame on."""

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from colony.execute.compiled import Compiled
 from colony.ir.frame import Reading
-from colony.ir.program import Robot, in_declared_units, sent_name
+from colony.ir.program import Robot, in_declared_units
 from colony.ir.servers import DSERVER
 from colony.ir.types import ScalarValue
 from colony.runtime.arbitration.arbiter import Dispatch, timing
@@ -94,12 +94,12 @@ class ActuatorServer(QuietNode):
         self._readings = readings
         self._publisher = Publisher(ACTUATOR_SERVER, self._read, frames_kept=frames_kept)
         commanded = actuators_of(deployed, ACTUATOR_SERVER)
-        self._fields = reported_fields(commanded)
+        self._fields = {name: field for spec in commanded for name, field in reported_fields(spec).items()}
         self._commands = CommandDispatcher(
             commanded, timing(deployed.frame_ns), lambda *_: None, on_dispatch=self._on_dispatch
         )
         self._sent = sent
-        self._given: set[str] = set()  # fields to which something was sent in this epoch
+        self._given: set[str] = set()  # what is known of this epoch, of `reported`
         self.listens = (*self._publisher.listens, topics.requests(ACTUATOR_SERVER))
 
     def handle(self, message: Message, now_ns: int) -> Iterator[Effect]:
@@ -135,6 +135,8 @@ class ActuatorServer(QuietNode):
             if name in readings:
                 value = readings[name]
                 fields[name] = None if value is None else Sample(value, tick.t_ns)  # type: ignore[arg-type]
+            elif sample is not None and spec is None:
+                fields[name] = sample
             elif sample is not None:
                 declared = in_declared_units((sample.value,), (spec,))  # type: ignore[arg-type]
                 fields[name] = Sample(declared[0], tick.t_ns)  # type: ignore[index]
@@ -142,8 +144,8 @@ class ActuatorServer(QuietNode):
 
     def _on_dispatch(self, actuator: ActuatorSpec, dispatch: Dispatch, now_ns: int) -> None:
         values = in_declared_units(dispatch.values, actuator.fields)
-        if values is not None:
-            self._given.update(sent_name(actuator.name, field.name) for field in actuator.fields)
+        known = reported_fields(actuator).items()
+        self._given.update(name for name, field in known if field is None or values is not None)
         self._sent.append(SentCommand(dispatch.k, actuator.name, dispatch.by, values, dispatch.fault))
 
 

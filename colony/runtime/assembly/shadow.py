@@ -26,7 +26,8 @@ from colony.execute.compiled import Compiled
 from colony.execute.executor import ModuleExecutor, ProgramExecutor
 from colony.execute.intake import converted
 from colony.ir.frame import Answer, Frame, Reading
-from colony.runtime.arbitration.arbiter import Arbiter, timing
+from colony.ir.program import Role
+from colony.runtime.arbitration.arbiter import Arbiter, had_role, timing
 from colony.runtime.assembly.controller import Controller
 from colony.runtime.clients.client import ClientProgram
 from colony.runtime.frames.assembler import AssembledFrame, FrameAssembler, frames_to_keep
@@ -273,7 +274,7 @@ class _Program:
             compiled.python_modules,
             actuators,
         )
-        self._sensors = tuple((s.name, *s.sent) for s in compiled.robot.sensors if s.sent is not None)
+        self._sensors = tuple((s.name, s.sent) for s in compiled.robot.sensors if s.sent is not None)
         self._sent: dict[str, Reading] = {}
         self._forget()
 
@@ -285,7 +286,7 @@ class _Program:
         self._forget()
 
     def _forget(self) -> None:
-        self._sent = dict.fromkeys(name for name, _, _ in self._sensors)
+        self._sent = dict.fromkeys(name for name, _ in self._sensors)
 
     def completed(self, frame: Frame) -> Frame:
         """Return a frame with what would have been sent in the frame before, in declared units."""
@@ -306,8 +307,10 @@ class _Program:
                 *arbiter.finish(),
             ]
             verdicts[name] = next(event for event in events if isinstance(event, Verdict))
-        for sensor, actuator, index in self._sensors:
-            values = verdicts[actuator].values
-            if values is not None:
-                self._sent[sensor] = values[index]
+        for sensor, before in self._sensors:
+            verdict = verdicts[before.actuator]
+            if isinstance(before.of, Role):
+                self._sent[sensor] = had_role(dict(verdict.fates), before.of)
+            elif verdict.values is not None:
+                self._sent[sensor] = verdict.values[before.of]
         return requests, verdicts

@@ -16,7 +16,7 @@ import msgspec
 
 from colony.execute.compiled import Compiled
 from colony.execute.needs import BOUNDS
-from colony.ir.program import Actuator, Robot, sent_name
+from colony.ir.program import Actuator, Robot, Role, role_name, sent_name
 from colony.ir.servers import DSERVER
 from colony.ir.types import Bool, Enum, ScalarValue
 from colony.runtime.protocol import topics
@@ -77,9 +77,9 @@ class ActuatorSpec(msgspec.Struct, frozen=True, kw_only=True, rename={"field_ind
 
     `field_indices[i]` is the index of the field for parameter i of the server's `command`, None if that
     parameter is always 0; `field_indices` is empty if the server takes the fields as they are. `idle` is in
-    base units, None for `idle hold`. `clients` are names and priorities, highest first. `reported` are the
-    indices of the fields of which the server publishes what they were given in the frame before. An actuator
-    that is `limited` has one more client, `BOUNDS`, which sends the `Bounds` of each frame.
+    base units, None for `idle hold`. `clients` are names and priorities, highest first. `reported` is
+    what the server publishes of the frame before: what a field, by its index, was given, or the role of a
+    module. An actuator that is `limited` has one more client, `BOUNDS`, for the `Bounds` of each frame.
     """
 
     name: str
@@ -90,7 +90,7 @@ class ActuatorSpec(msgspec.Struct, frozen=True, kw_only=True, rename={"field_ind
     idle: tuple[ScalarValue, ...] | None
     on_loss: Literal["stop", "degrade"]
     clients: tuple[tuple[str, int], ...]
-    reported: tuple[int, ...] = ()
+    reported: tuple[int | Role, ...] = ()
     limited: bool = False
 
 
@@ -154,7 +154,7 @@ def deployment(
                 wired.actuator,
                 binding,
                 tuple((c.module, c.priority) for c in wired.clients),
-                reported=compiled.robot.indices_read(wired.actuator.name),
+                reported=compiled.robot.read_before(wired.actuator.name),
                 limited=wired.actuator.name in limited,
             )
             for wired, binding in zip(compiled.code.actuators, bindings.actuators, strict=True)
@@ -223,9 +223,14 @@ def actuators_of(deployed: Deployment, server: str) -> tuple[ActuatorSpec, ...]:
     return tuple(spec for spec in deployed.actuators if spec.server == server)
 
 
-def reported_fields(specs: Iterable[ActuatorSpec]) -> dict[str, ActuatorFieldSpec]:
-    """Return the `reported` fields of actuators, by the names under which their server publishes them."""
-    return {sent_name(s.name, s.fields[i].name): s.fields[i] for s in specs for i in s.reported}
+def reported_name(spec: ActuatorSpec, of: int | Role) -> str:
+    """Return the name under which the server of an actuator publishes one of its `reported`."""
+    return role_name(spec.name, of) if isinstance(of, Role) else sent_name(spec.name, spec.fields[of].name)
+
+
+def reported_fields(spec: ActuatorSpec) -> dict[str, ActuatorFieldSpec | None]:
+    """Return the fields of `reported`, None for the role of a module, by `reported_name`."""
+    return {reported_name(spec, i): None if isinstance(i, Role) else spec.fields[i] for i in spec.reported}
 
 
 def client_addresses(deployed: Deployment) -> tuple[tuple[str, str], ...]:
@@ -291,7 +296,9 @@ def _problems_of(spec: ActuatorSpec) -> Iterator[str]:
             yield f"{spec.name}: two clients have the {what} {duplicate}"
     if any(len(name) > MAX_NAME_LENGTH for name, _ in spec.clients):
         yield f"{spec.name}: the name of a client has more than {MAX_NAME_LENGTH} characters"
-    if not all(0 <= i < len(spec.fields) for i in spec.reported):
+    if any(isinstance(i, Role) and len(i.module) > MAX_NAME_LENGTH for i in spec.reported):
+        yield f"{spec.name}: the name of a reported module has more than {MAX_NAME_LENGTH} characters"
+    if not all(isinstance(i, Role) or 0 <= i < len(spec.fields) for i in spec.reported):
         yield f"{spec.name}: a reported field that is none of its {len(spec.fields)} fields"
     if spec.idle is not None and len(spec.idle) != len(spec.fields):
         yield f"{spec.name}: an idle command of {len(spec.idle)} values, not {len(spec.fields)}"
@@ -302,7 +309,7 @@ def actuator_spec(
     binding: ActuatorBinding,
     clients: tuple[tuple[str, int], ...],
     *,
-    reported: tuple[int, ...] = (),
+    reported: tuple[int | Role, ...] = (),
     limited: bool = False,
 ) -> ActuatorSpec:
     """Return the actuator as the server that it is bound to must know it."""

@@ -180,6 +180,11 @@ Fate = Literal[
 UNHEARD: frozenset[Fate] = frozenset({"late", "lost", "refused"})
 """Fates of clients whose request did not count."""
 
+ACTIVE: frozenset[Fate] = frozenset(
+    {"won", "suppressed", "inhibited", "overruled", "overridden", "locked out", "stopped"}
+)
+"""Fates of clients whose modules were active."""
+
 Hold = Literal["stopped", "locked"]
 
 

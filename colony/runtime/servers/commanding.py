@@ -9,15 +9,15 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from colony.execute.needs import BOUNDS
-from colony.ir.program import Actuator, ActuatorField, sent_name
+from colony.ir.program import Actuator, ActuatorField, Role
 from colony.ir.servers import CommandSpec
 from colony.ir.types import ScalarValue
-from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing, with_notes
+from colony.runtime.arbitration.arbiter import Arbiter, Dispatch, Event, Timing, had_role, with_notes
 from colony.runtime.arbitration.ballot import NO_INTERVENTIONS, STOPPED, Interventions
 from colony.runtime.library.actuator import ActuatorReport, ClientReport
 from colony.runtime.protocol import topics
 from colony.runtime.protocol.bindings import ActuatorBinding
-from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, actuator_spec
+from colony.runtime.protocol.deployment import ActuatorFieldSpec, ActuatorSpec, actuator_spec, reported_name
 from colony.runtime.protocol.messages import (
     Bounds,
     Effect,
@@ -147,12 +147,15 @@ It may raise `NotSentError`.
 class NotSentError(Exception):
     """A command that was not carried out; the message, for a verdict, says why.
 
-    `instead` is what the actuator was given in its place, in base units; None if it was given nothing.
+    `instead` is what the actuator was given in its place, in base units; None if it was given nothing. It is
+    the command itself, as far as it may be carried out, if `is_limited` is True.
     """
 
-    def __init__(self, message: str, *, instead: tuple[ScalarValue, ...] | None = None) -> None:
+    def __init__(
+        self, message: str, *, instead: tuple[ScalarValue, ...] | None = None, is_limited: bool = False
+    ) -> None:
         super().__init__(message)
-        self.instead = instead
+        self.instead, self.is_limited = instead, is_limited
 
 
 OnDispatch = Callable[[ActuatorSpec, Dispatch, int], None]
@@ -216,6 +219,8 @@ class CommandDispatcher:
         }
         self._counts = {name: _Counts() for name in self._actuators}
         self._given = dict(given)
+        self._verdicts: dict[str, Verdict] = {}  # of the last frames
+        self._refused: dict[str, int] = {}  # the last frames in which nothing of a command was carried out
         self._perform = perform
         self._on_dispatch = on_dispatch
         self._publish = publish
@@ -243,19 +248,32 @@ class CommandDispatcher:
             yield from self._carry_out(name, arbiter.end_before(tick.k), now_ns)
 
     def fields(self, tick: Tick) -> dict[str, Sample | None]:
-        """Return what the actuators' `reported` fields were given before the frame of a tick, in base units.
+        """Return what `reported` says of the frame before that of a tick, in base units.
 
-        Nothing is returned for an actuator that was given nothing yet, nor for a tick that arrives after a
-        later one: what was given last may have been given in a frame after it.
+        Nothing is returned for the fields of an actuator that was given nothing yet, for the roles of modules
+        in a frame that was not decided here, nor for a tick that arrives after a later one: what was given
+        last may have been given in a frame after it.
         """
         if tick.k < self._k:
             return {}
         return {
-            sent_name(name, spec.fields[i].name): Sample(given[i], tick.t_ns)
-            for name, spec in self._actuators.items()
-            if spec.reported and (given := self._given.get(name)) is not None
-            for i in spec.reported
+            reported_name(spec, of): Sample(value, tick.t_ns)
+            for spec in self.actuators
+            if spec.reported
+            for of, value in self._before(spec, tick.previous)
         }
+
+    def _before(self, spec: ActuatorSpec, k: int) -> Iterator[tuple[int | Role, ScalarValue]]:
+        """Yield what is known of `reported` after frame `k`."""
+        given, verdict = self._given.get(spec.name), self._verdicts.get(spec.name)
+        fates = None if verdict is None or verdict.k != k else dict(verdict.fates[: len(spec.clients)])
+        for of in spec.reported:
+            if not isinstance(of, Role):
+                if given is not None:
+                    yield of, given[of]
+            elif fates is not None:
+                went_out = of.kind != "by" or self._refused.get(spec.name) != k
+                yield of, went_out and had_role(fates, of)
 
     def note_halted(self) -> None:
         """Note that the actuators were given their idle commands, whatever was dispatched before."""
@@ -290,7 +308,7 @@ class CommandDispatcher:
         for name, spec in self._actuators.items():
             yield from self.intervene(name, STOPPED, now_ns)
             if spec.idle is not None:
-                for note in self._send(spec, spec.idle, now_ns):
+                for note in self._send(spec, spec.idle, now_ns, self._k):
                     self.add_note(name, note)
 
     def note_malformed(self, message: Malformed) -> None:
@@ -352,17 +370,20 @@ class CommandDispatcher:
                 spec = self._actuators[name]
                 self._on_dispatch(spec, event, now_ns)
                 if event.values is not None:
-                    unsent += self._send(spec, event.values, now_ns)
+                    unsent += self._send(spec, event.values, now_ns, event.k)
             else:
                 verdict, unsent = with_notes(event, unsent), []
                 self._counts[name].add(verdict)
+                self._verdicts[name] = verdict
                 if self._publish:
                     yield SendMessage(topics.VERDICTS, verdict)
         for note in unsent:
             self.add_note(name, note)
 
-    def _send(self, spec: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int) -> tuple[str, ...]:
-        """Carry out a command; return notes for the verdict, why it was not carried out."""
+    def _send(
+        self, spec: ActuatorSpec, values: tuple[ScalarValue, ...], now_ns: int, k: int
+    ) -> tuple[str, ...]:
+        """Carry out a command in frame `k`; return notes for the verdict, why it was not carried out."""
         before, self._given[spec.name] = self._given.get(spec.name), values
         try:
             self._perform(spec, values, now_ns)
@@ -372,6 +393,8 @@ class CommandDispatcher:
                 self._given.pop(spec.name, None)
             else:
                 self._given[spec.name] = given
+            if not problem.is_limited:
+                self._refused[spec.name] = k
             return (f"frame {self._k}: {problem}",)
         return ()
 

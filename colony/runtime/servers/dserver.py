@@ -165,7 +165,7 @@ class LastSent:
 
 
 def _is_kept(actuator: ActuatorSpec) -> bool:
-    return actuator.idle is None and bool(actuator.reported)
+    return actuator.idle is None and any(isinstance(of, int) for of in actuator.reported)
 
 
 _encode = msgspec.msgpack.Encoder().encode

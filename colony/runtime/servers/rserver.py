@@ -99,7 +99,7 @@ class BaseActuator(CommandedActuators[Motion]):
             if outside is not None:
                 self._pilot.on_bumper(self._acting[DRIVE], bumper)
             why = f"{speeds.velocity:g} mm/s was not sent, as the {bumper} bumper is pressed"
-            raise NotSentError(why, instead=values_of(spec, speeds._replace(velocity=0.0)))
+            raise NotSentError(why, instead=values_of(spec, speeds._replace(velocity=0.0)), is_limited=True)
 
     # --- rest ----------------------------------------------------------------------------------------
 

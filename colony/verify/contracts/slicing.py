@@ -97,7 +97,9 @@ class _Dependencies:
     """What the declarations of a program depend on. Mutable: each is walked when first asked for."""
 
     def __init__(self, program: Program) -> None:
-        self._senders = {s.name: s.sent[0] if s.sent is not None else None for s in program.robot.sensors}
+        self._senders = {
+            s.name: s.sent.actuator if s.sent is not None else None for s in program.robot.sensors
+        }
         self._derived = {d.name: d for d in program.derived}
         self._modules = {m.name: m for m in program.modules}
         self._owners = {

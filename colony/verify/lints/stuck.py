@@ -96,17 +96,23 @@ def _memories_read(case: Case, module: Module) -> frozenset[str]:
 def _needed(case: Case, memory: State | Machine) -> Iterator[tuple[int | None, frozenset[str]]]:
     """Yield the sensors without which memory stays as it is; of a machine, for each of its transitions.
 
-    A transition needs also what those above it of the same phase read. A failsafe one needs nothing.
+    A transition needs also what those above it of the same phase read. A failsafe one needs nothing. The task
+    of a sequence that has a time limit, a failsafe transition below its `until`, does not stay.
     """
     if isinstance(memory, State):
         if memory.next is not None:
             yield None, case.contents.needed_sensors(memory.next)
         return
     for i, transition in enumerate(memory.transitions):
-        if not transition.failsafe:
+        if not (transition.failsafe or (memory.tasks and _has_time_limit(memory, i))):
             ordinary = [memory.transitions[j] for j in (*_above(memory, i), i)]
             needed = (case.contents.needed_sensors(t.condition) for t in ordinary if not t.failsafe)
             yield i, frozenset[str]().union(*needed)
+
+
+def _has_time_limit(machine: Machine, i: int) -> bool:
+    sources = machine.transitions[i].sources
+    return any(t.failsafe and t.sources == sources for t in machine.transitions[i + 1 :])
 
 
 def _above(machine: Machine, i: int) -> Iterator[int]:
@@ -221,10 +227,12 @@ def _texts(change: _Change, before: Known, sensors: list[str]) -> tuple[str, str
     missing, module = f"with {quoted(sensors, 'or')} missing", change.module.name
     inhibitor = inhibitor_hint(sensors, module)
     match change.memory:
-        case Machine(name=name, type=type_):
+        case Machine(name=name, type=type_, tasks=tasks):
             names = {number: phase for phase, number in type_.members}
             old, new = (names[x] for x in (before, change.phase) if isinstance(x, float))
             message = f"{missing}, `{name}` cannot leave `{old}`, and `{module}` drives"
+            if tasks:
+                return message, f"give the task a time, `within 30 s else PHASE`, or {inhibitor}"
             source = "any" if _is_from_any(change) else old
             return message, f"write `failsafe {source} -> {new} when ...`, or {inhibitor}"
         case State(name=name):

@@ -27,7 +27,7 @@ from colony.ir.frame import (
 )
 from colony.ir.memory import ProgramMemory
 from colony.ir.types import ScalarValue, Value
-from colony.ir.walk import idled, in_time, remembered
+from colony.ir.walk import idled, in_time, remembered, wired_modules
 from colony.verify.reference.boundary import (
     ModuleFrame,
     PythonRunner,
@@ -74,7 +74,8 @@ class Interpreter:
         }
         self._answers: Mapping[str, Answer] = {}
         self._held: dict[str, dict[tuple[str, int], ScalarValue]] = {}  # the last command sent, by actuator
-        self._last: dict[str, ScalarValue] = {}  # values of `last.ACTUATOR.FIELD`, in declared units
+        self._last: dict[str, ScalarValue] = {}  # values of `last...`, in declared units
+        self._wired = wired_modules(program)
         self._moment: FrameValues | None = None
         self._lost: frozenset[str] = frozenset()
         self._given: Mapping[str, OverriddenCommand] = {}
@@ -140,6 +141,11 @@ class Interpreter:
     def states(self) -> Mapping[str, ScalarValue]:
         """The values that states and machines have after the last frame."""
         return self._states
+
+    @property
+    def last(self) -> Mapping[str, ScalarValue]:
+        """The values of `last...` that the next frame has without a reading, in declared units."""
+        return self._last
 
     @property
     def limits(self) -> tuple[tuple[ir.Limit, float | None], ...]:
@@ -311,14 +317,18 @@ class Interpreter:
                 frame_values.sensors[sensor.name] = value
 
     def _remember_sent(self, decisions: list[Decision]) -> None:
-        """Remember what is `last.ACTUATOR.FIELD` in the next frame, unless a reading says otherwise."""
-        values = {decision.actuator: decision.values for decision in decisions}
+        """Remember what is `last...` in the next frame, unless a reading says otherwise."""
+        by_name = {decision.actuator: decision for decision in decisions}
         for sensor in self.program.robot.sensors:
             if sensor.sent is not None:
-                actuator, index = sensor.sent
-                sent = values[actuator]
-                if sent is not None:
-                    self._last[sensor.name] = sent[index]
+                decision = by_name[sensor.sent.actuator]
+                value = ir.value_before(sensor.sent.of, decision.values, decision.by, self._was_client)
+                if value is not None:
+                    self._last[sensor.name] = value
+
+    def _was_client(self, module: str) -> bool:
+        """Return True if a module that is wired to its actuator was active in the last frame."""
+        return module in self._wired and self.is_active(module)
 
     # --- derived values --------------------------------------------------------------------------
 

@@ -333,7 +333,8 @@ def index_of(
     arithmetic: Arithmetic,
 ) -> ExtendedReal:
     """Return the index of the least or greatest value, the first among equals; any number beats NaN."""
-    constants = [int(c) for x in indices if (c := constant_of(x)) is not None]
+    found = (constant_of(x) for x in indices)
+    constants = [int(c) for c in found if c is not None and math.isfinite(c)]
     if are_many(values) and len(constants) == len(indices) and all(is_false(x.nan) for x in values):
         is_least = function is Function.INDEX_OF_MIN
         return index_of_extreme(values, constants, arithmetic.builder, least=is_least)

@@ -264,8 +264,10 @@ def _snapshot(model: z3.ModelRef, unrolling: Unrolling, i: int) -> Snapshot:
         if _is_used(sensor_input, visited) and _truth(model, unrolling.at(i, sensor_input.present))
     }
     for name, sensor_input in system.sensors.items():
-        if name not in readings and sensors[name].sent is not None and _is_used(sensor_input, visited):
-            readings[name] = None  # without it, it would be what the program itself sent
+        sent = sensors[name].sent
+        if name not in readings and sent is not None and _is_used(sensor_input, visited):
+            # without it, it would be what the program itself sent
+            readings[name] = None if isinstance(sent.of, int) else False
     answers: dict[str, tuple[ScalarValue, ...] | None] = {}
     for name, python_input in system.python.items():
         if python_input.blind.get_id() in visited and _truth(model, unrolling.at(i, python_input.blind)):

@@ -15,7 +15,7 @@ from colony.compile.pipeline import Compilation, compile_program
 from colony.execute.executor import ClientsExecutor, ClientStep, ModuleExecutor, ProgramExecutor
 from colony.execute.intake import converted
 from colony.ir.frame import Decision, Executor, Frame, Outcome
-from colony.ir.program import Program, in_declared_units
+from colony.ir.program import Program, in_declared_units, value_before
 from colony.ir.types import ScalarValue
 from colony.verify.reference.interpreter import Interpreter
 
@@ -136,7 +136,7 @@ class Clients:
         keys = [(actuator, module) for actuator, module, _ in compilation.compiled.clients]
         groups = [(key,) for key in keys] if alone else [tuple(keys)]
         self._processes = [ClientsExecutor(compilation.compiled, clients) for clients in groups]
-        self._sent: dict[str, tuple[ScalarValue, ...]] = {}  # the last command of each actuator
+        self._sent: dict[str, ScalarValue] = {}  # values of `last...`
         self._modules = {
             module: ModuleExecutor(compilation.compiled, module)
             for module in compilation.compiled.python_modules
@@ -145,7 +145,9 @@ class Clients:
     def step(self, frame: Frame) -> Outcome:
         """Decide one frame."""
         expected = self._interpreter.step(frame)
-        base_frame = frame_in_base_units(self._program, self._with_sent(frame))
+        base_frame = frame_in_base_units(
+            self._program, frame._replace(readings={**self._sent, **frame.readings})
+        )
         answers = {name: module.step(base_frame) for name, module in self._modules.items()}
         steps = {
             client: step
@@ -155,14 +157,17 @@ class Clients:
         outcome = expected._replace(
             decisions=tuple(_decide(self._program, d, steps) for d in expected.decisions)
         )
-        self._sent.update((d.actuator, d.values) for d in outcome.decisions if d.values is not None)
+        self._remember(outcome, {module for (_, module), step in steps.items() if step.bid in _ACTIVE})
         return outcome
 
-    def _with_sent(self, frame: Frame) -> Frame:
-        """Return the frame with what its actuators were given in the frame before, as servers publish it."""
-        sensors = {s.name: s.sent for s in self._program.robot.sensors if s.sent is not None}
-        sent = {name: self._sent[a][i] for name, (a, i) in sensors.items() if a in self._sent}
-        return frame._replace(readings={**sent, **frame.readings})
+    def _remember(self, outcome: Outcome, active: set[str]) -> None:
+        """Remember what servers publish of a frame in the next one, given its `active` clients."""
+        for sensor in self._program.robot.sensors:
+            if sensor.sent is not None:
+                d = outcome.commands[sensor.sent.actuator]
+                value = value_before(sensor.sent.of, d.values, d.by, active.__contains__)
+                if value is not None:
+                    self._sent[sensor.name] = value
 
     def restart(self) -> None:
         """Restart from the initial memory, with new instances of the Python modules."""
@@ -182,6 +187,10 @@ def frame_in_base_units(program: Program, frame: Frame) -> Frame:
         for name, reading in frame.readings.items()
     }
     return frame._replace(readings=readings)  # type: ignore[arg-type]
+
+
+_ACTIVE = ("command", "suppressed", "inhibited")
+"""Bids of clients whose modules are active."""
 
 
 CLIENTS: Mapping[str, Factory] = MappingProxyType(

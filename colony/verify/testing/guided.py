@@ -53,11 +53,9 @@ def disturbed_run(
     """
     undisturbed, interpreter = Interpreter(program), Interpreter(program)
     can_be_lost = modules_that_can_be_lost(program)
-    sent = {sensor.name: sensor.sent for sensor in program.robot.sensors if sensor.sent is not None}
-    last: dict[str, ScalarValue] = {}
     for frame in trace:
         # bounds depend on what actuators were given before, not on what they are given in this frame
-        undisturbed.step(frame._replace(readings={**last, **frame.readings}))
+        undisturbed.step(frame._replace(readings={**interpreter.last, **frame.readings}))
         given = {
             a.name: _given(choices, a, undisturbed, operators=operators)
             for a in program.robot.actuators
@@ -65,10 +63,6 @@ def disturbed_run(
         }
         lost = frozenset(m for m in can_be_lost if choices.one_in(4))
         outcome = interpreter.step(frame, lost, given=given or NOTHING_GIVEN)
-        for name, (actuator, index) in sent.items():
-            values = outcome.commands[actuator].values
-            if values is not None:
-                last[name] = values[index]
         yield DisturbedFrame(frame, given, lost, outcome)
 
 

@@ -85,6 +85,23 @@ function place(bar, from, to) {
   bar.setAttribute("width", Math.max(0, to - from).toFixed(2));
 }
 
+// A sequence is a row of its phases: tasks in order, and around them where it waits and ends.
+function sequence(state) {
+  const phases = state.words.map((word) => {
+    const kind = state.tasks.includes(word) ? "task" : "end";
+    return { word, node: element("li", { class: kind }, word) };
+  });
+  const row = element("ol", { "aria-label": `tasks of ${state.name}` }, ...phases.map((p) => p.node));
+  return { state, phases, node: element("li", { class: "sequence" }, `${state.name} `, row) };
+}
+
+function markPresent(phases, present) {
+  phases.forEach(({ word, node }) => {
+    if (word !== present) node.removeAttribute("aria-current");
+    else if (!node.hasAttribute("aria-current")) node.setAttribute("aria-current", "step");
+  });
+}
+
 export class Judged {
   constructor(hosts, scene) {
     this.scene = scene;
@@ -94,6 +111,7 @@ export class Judged {
       return { sign, name, note, node: element("li", {}, sign, name, note) };
     });
     this.states = scene.states.map((state) => {
+      if (state.tasks.length) return sequence(state);
       const value = element("b");
       return { state, value, node: element("li", {}, `${state.name} `, value) };
     });
@@ -111,9 +129,10 @@ export class Judged {
         node.setAttribute("title", `${name}: ${state}`);
       }
     });
-    this.states.forEach(({ state, value }, i) => {
+    this.states.forEach(({ state, value, phases }, i) => {
       const x = snapshot.states[i];
       const word = state.words.length && x !== null ? state.words[state.numbers.indexOf(Number(x))] : null;
+      if (phases) return markPresent(phases, word);
       setText(value, word ?? `${number(x === null || typeof x === "boolean" ? x : x * state.factor)} ${state.unit}`);
     });
   }

@@ -34,6 +34,7 @@ module blind  {{ when not fresh(bumper)  do drive(velocity = 0, turn = 5 deg/s) 
 network {{ drive = blind suppresses avoid suppresses cruise }}
 limit drive.velocity <= 300 mm/s
 contract slow: drive.velocity <= 300 mm/s
+contract through: last.drive by avoid implies last.cruise is active and not (last.drive by cruise)
 """
 
 

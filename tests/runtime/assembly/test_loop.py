@@ -7,11 +7,17 @@ import pytest
 from colony.dsl.load import load_text
 from colony.ir.frame import Frame, Outcome
 from colony.runs.behavior import behavior_from
+from colony.runtime.assembly.loop import Loop
 from colony.runtime.kit.script import Script, do, sleep
 from colony.runtime.library import data, robot
+from colony.runtime.servers.drivers import Drivers, Reading
+from colony.runtime.transport.virtual import VirtualClock
 from colony.sim.world.world import World
 from tests.experiment.conformance_stage import PROGRAM, WALLS
 from tests.experiment.loops import loop_of
+from tests.kit.base import RollingBase
+from tests.robot_servers import ROME_SERVERS
+from tests.runtime.kit.test_devices import LIFT, Device
 from tests.sim.robots import IDEAL
 
 
@@ -119,3 +125,37 @@ def test_what_was_sent_is_read_in_the_next_frame() -> None:
     assert stage.reading("last.drive.velocity") == [None, 0.0, 100.0, 200.0]
     sent = [outcome.decisions[0].values for _, outcome in stage.frames]
     assert [values[0] for values in sent if values is not None] == [0.0, 100.0, 200.0, 300.0]
+
+
+def test_what_a_module_did_is_known_in_the_next_frame() -> None:
+    slow = "\nlimit drive.velocity <= 50 mm/s when not (last.drive by go and last.go is active)\n"
+    stage = Stage(_set_once("Wanted", 400, 0.0), program=PROGRAM + slow)
+    stage.run(4)
+    assert stage.reading("last.drive by go") == [None] * 4, "the executor knows it"
+    sent = [outcome.decisions[0].values for _, outcome in stage.frames]
+    assert [values[0] for values in sent if values is not None] == [0.0, 50.0, 400.0, 400.0]
+
+
+def test_a_module_does_not_get_through_where_a_device_refuses_its_command() -> None:
+    device = Device({"height": Reading(0.0, 0), "moving": Reading(False, 0)})
+    program = load_text(
+        "robot r { frame 50 ms  actuator lift { height : mm range 0 .. 400, fast : bool }"
+        " to Lift.move idle lift(height = 0, fast = false) }\n"
+        "module up { when true do lift(height = if last.lift by up then 200 mm else 100 mm, fast = true) }\n"
+        "network { lift = up }"
+    )
+    clock, frames = VirtualClock(), list[object]()
+    behavior = behavior_from(program)
+    loop = Loop(
+        behavior.robot,
+        behavior.executor(),
+        Drivers(servers=(LIFT, *ROME_SERVERS), base=RollingBase(), devices={"Lift": device}),
+        {},
+        clock=clock,
+        advance=lambda: None,
+        watch=lambda frame, outcome: frames.append(outcome.decisions[0].values),
+    )
+    for failing in (False, False, True, False, False):
+        device.failing_commands = failing
+        loop.frame()
+    assert frames == [(100.0, True), (200.0, True), (200.0, True), (100.0, True), (200.0, True)]

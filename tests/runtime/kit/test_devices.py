@@ -289,6 +289,7 @@ robot amr {
 }
 module up { when min(scan) > 500 mm  do lift(height = 400 mm, fast = true) }
 network { lift = up }
+contract known: last.lift by up implies last.up is active
 """
 LIDAR = ServerSpec("Lidar", fields=(scan_of(no_echo=5000.0, hold=True),))
 FAILS_AT_NS = 1_000 * MS
@@ -320,12 +321,18 @@ class Robot:
         )
         session.run(2_000 * MS)
 
+    def roles(self) -> list[tuple[object, object]]:
+        """Whether `up` got through and was active, in the frame before each."""
+        found = [log.frame.readings for log in self.log.frames]
+        return [(readings["last.lift by up"], readings["last.up is active"]) for readings in found]
+
 
 def test_a_driver_that_works_moves_the_robot() -> None:
     robot = Robot()
     robot.run()
     assert robot.log.winners("lift") == ["up"] * 40
     assert robot.lift.commands[:-1] == [("move", UP)] * (len(robot.lift.commands) - 1)
+    assert robot.roles() == [(None, None)] + [(True, True)] * 39
     assert robot.lift.commands[-1] == ("move", IDLE)  # as its server ends
     assert robot.reports == []
 
@@ -374,6 +381,7 @@ def test_a_lift_whose_commands_fail_is_made_safe_and_reported_once() -> None:
     assert robot.log.winners("lift") == ["up"] * 40
     assert robot.lift.commands[:2] == [("move", UP), ("move", IDLE)]  # idle in its place, then safe
     assert robot.lift.safes >= 40
+    assert robot.roles() == [(None, None)] + [(False, True)] * 39
     assert robot.reports == ["Lift.move failed: OSError: port is gone"]
 
 

@@ -49,6 +49,8 @@ class Grammar:
         match of if isinstance(of, inspect.Type) else _known(of):
             case inspect.StructType() as struct:
                 return self._struct(struct)
+            case inspect.DataclassType(fields=fields):
+                return {field.encode_name: self._field(field) for field in fields}
             case inspect.NamedTupleType() as pair:
                 return [self._field(field) for field in pair.fields]
             case inspect.UnionType(types=types):

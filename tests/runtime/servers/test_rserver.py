@@ -5,10 +5,12 @@ from __future__ import annotations
 import msgspec
 import pytest
 
+from colony.ir.program import Role
 from colony.ir.servers import RSERVER
-from colony.runtime.library import emergency, robot
+from colony.runtime.library import actuator, emergency, robot
+from colony.runtime.protocol import topics
 from colony.runtime.protocol.deployment import LIMITS_RUN, Deployment
-from colony.runtime.protocol.messages import Tick
+from colony.runtime.protocol.messages import Request, Tick
 from colony.runtime.servers.commanding import NotSentError
 from tests.kit.base import RollingBase, Stage, bid, deployed, silent, stage_in_run
 from tests.kit.node_stage import FRAME_NS, MS
@@ -93,6 +95,101 @@ def test_a_frame_whose_tick_comes_late_does_not_have_what_was_given_after_it() -
     assert not [name for name in stage.frames[-1].fields if name.startswith("last.")]
     stage.handle(Tick(k=3, t_ns=3 * FRAME_NS, run="r1"))
     assert stage.frames[-1].fields["last.drive.velocity"].value == 300.0  # type: ignore[union-attr]
+
+
+ROLES = tuple(Role(kind=kind, module="cruise") for kind in ("by", "active"))
+
+
+def roles(stage: Stage) -> tuple[object, ...]:
+    """Whether `cruise` won and was active, None where it is not known, as the newest frame has it."""
+    fields = stage.frames[-1].fields
+    samples = [fields.get(name) for name in ("last.drive by cruise", "last.cruise is active")]
+    return tuple(None if sample is None else sample.value for sample in samples)
+
+
+@pytest.mark.parametrize(
+    ("requests", "lost", "expected"),
+    [
+        ((bid("cruise", 300.0, 0.0),), (), (True, True)),
+        ((msgspec.structs.replace(bid("cruise", 0.0, 0.0), values=None, fault="missing"),), (), (True, True)),
+        ((bid("cruise", bid="suppressed"), bid("avoid", 0.0, 9.0)), (), (False, True)),
+        ((bid("cruise", bid="inhibited"),), (), (False, True)),
+        ((bid("cruise", 300.0, 0.0), bid("avoid", 0.0, 9.0)), (), (False, True)),  # overruled
+        ((bid("cruise", bid="inactive"),), (), (False, False)),
+        ((bid("cruise", bid="silent"),), (), (False, False)),
+        ((bid("cruise", 900.0, 0.0),), (), (False, False)),  # refused
+        ((), (), (False, False)),  # late
+        ((bid("cruise", 300.0, 0.0),), (topics.client_address("drive", "cruise"),), (False, False)),
+    ],
+)
+def test_a_frame_has_what_a_module_did_in_the_frame_before(
+    requests: tuple[Request, ...], lost: tuple[str, ...], expected: tuple[bool, bool]
+) -> None:
+    stage = Stage(run="r1", deployment=deployed(reported=ROLES))
+    stage.tick()
+    assert roles(stage) == (None, None)
+    verdict = stage.frame(*requests, *silent("cruise", *(r.client for r in requests)), lost=lost)
+    stage.tick()
+    assert roles(stage) == expected, verdict and verdict.fates
+
+
+def test_a_module_does_not_get_through_where_a_connection_a_lock_or_a_stop_commands_instead() -> None:
+    stage = Stage(run="r1", deployment=deployed(reported=ROLES))
+    wanted = (bid("cruise", 300.0, 0.0), *silent("cruise"))
+    stage.open("ann/1", priority=50)
+    for ask, end in (
+        (robot.drive(100.0, 0.0, 10.0), robot.drive(0.0, 0.0, 0.001)),
+        (actuator.lock(), actuator.unlock()),
+        (emergency.stop(), None),
+    ):
+        stage.frame(*wanted)
+        stage.do("ann/1", ask)
+        stage.frame(*wanted)
+        assert roles(stage) == (True, True), "of the frame before"
+        stage.tick()
+        assert roles(stage) == (False, True), ask
+        if end is not None:
+            stage.do("ann/1", end)
+
+
+def test_what_a_module_did_is_known_of_the_frame_before_alone() -> None:
+    stage = Stage(run="r1", deployment=deployed(reported=ROLES))
+    wanted = (bid("cruise", 300.0, 0.0), *silent("cruise"))
+    stage.frame(*wanted)
+    stage.k += 1
+    stage.tick()  # the server did not hear the tick before
+    assert roles(stage) == (None, None)
+    stage.frame(*wanted)
+    before = stage.k
+    stage.handle(Tick(k=before + 5, t_ns=(before + 5) * FRAME_NS, run="r1", gaps=((before, before + 5),)))
+    assert roles(stage) == (True, True), "the Clock left out the numbers between"
+    stage.k = before + 5
+    stage.frame(*wanted)
+    stage.tick(run="another")
+    stage.tick()
+    assert roles(stage) == (None, None)
+
+
+@pytest.mark.parametrize("reason", ["no power", "late tick"])
+def test_a_module_does_not_get_through_where_nothing_of_its_command_is_carried_out(reason: str) -> None:
+    base = RefusingBase() if reason == "no power" else RollingBase()
+    stage = Stage(base, run="r1", deployment=deployed(reported=ROLES))
+    stage.tick()
+    if reason == "late tick":
+        stage.base.roll(stage.now_ns + 10 * FRAME_NS)
+        stage.now_ns += 10 * FRAME_NS
+    requests = (bid("cruise", 300.0, 0.0), *silent("cruise"))
+    stage.handle(*(msgspec.structs.replace(request, k=stage.k) for request in requests))
+    stage.handle(Tick(k=1, t_ns=FRAME_NS, run="r1"))
+    assert roles(stage) == (False, True)
+
+
+def test_a_module_gets_through_where_a_bumper_blocks_the_velocity() -> None:
+    stage = Stage(run="r1", deployment=deployed(reported=ROLES))
+    stage.base.front = True
+    stage.frame(bid("cruise", 300.0, 20.0), *silent("cruise"))
+    stage.tick()
+    assert roles(stage) == (True, True)
 
 
 @pytest.mark.parametrize(("field_indices", "sent"), [((1, 0), (7.0, 5.0)), ((None, 1), (0.0, 7.0))])

@@ -123,6 +123,14 @@ def test_the_written_test_of_what_cannot_be_told_leaves_it_missing() -> None:
         ("fresh(x) or not previous(fresh(x), false)", [{"x": -0.1}, {}]),
         ("x < 0.30000000000000004", [{"x": 0.30000000000000004}]),
         ("slope < 57.29577951308233 deg", [{"slope": 57.29577951308233}]),
+        ("not (last.drive by back)", [{"last.drive by back": True}]),
+        (
+            "last.back is active or not (last.drive by cruise)",
+            [
+                {"last.back is active": True, "last.drive by cruise": True},
+                {"last.back is active": False, "last.drive by cruise": True},
+            ],
+        ),
     ],
 )
 def test_the_written_test_breaks_the_contract_where_the_trace_does(

@@ -121,6 +121,14 @@ def test_a_frame_that_is_not_given_what_was_sent_has_what_the_program_sent() -> 
     assert reading_cell(sent, Snapshot(0, {sent.name: 500.0})) == "0.5 m/s"
 
 
+def test_what_a_module_did_before_is_given_where_it_matters() -> None:
+    text = "contract c: last.drive by cruise implies last.back is active"
+    found = refuted(text)
+    heading = table(program(text), found.contract, found.trace)[0]
+    assert "last.drive by cruise" in heading
+    assert all(None not in snapshot.readings.values() for snapshot in found.trace.snapshots)
+
+
 def test_what_holds_of_reals_names_the_lines() -> None:
     text = MEAN + "contract c: mean < 10"
     [line] = lines(program(text), result(text))

@@ -165,6 +165,18 @@ def test_which_machines_are_found(old: str, new: str, expected: int) -> None:
     assert sum(message.count("cannot leave") + message.count("` or `") for message in told) == expected
 
 
+@pytest.mark.parametrize(
+    ("mode", "limit", "expected"), [("keep", "", 1), ("restart", "", 1), ("keep", "within 1 s else done", 0)]
+)
+def test_a_task_that_cannot_end_and_has_no_time_limit(mode: str, limit: str, expected: int) -> None:
+    job = f"sequence job {mode} {{ a = go until bumper {limit} b = turn until true }}\n"
+    tasks = go("go", "true") + go("turn", "true", "0", "30 deg/s") + job + "network { drive = job.drive }\n"
+    message = "with `bumper` missing, `job` cannot leave `a`, and `job.a` drives"
+    assert messages(tasks).count(message) == expected
+    hint = "give the task a time, `within 30 s else PHASE`, or wire a module"
+    assert sum(text.startswith(hint) for text in hints(tasks)) == expected
+
+
 def test_machines_are_read_through_lets() -> None:
     text = "let moving = mode == mode.going\n" + TURNING.replace(
         "when mode == mode.going", "let m = moving when m"

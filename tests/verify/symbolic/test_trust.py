@@ -103,6 +103,7 @@ EXACT = [
     "index_of_min(window(s, n, 2))",
     "index_of_max(window(u, a, 1))",
     "index_of_min(s[1..4])",
+    "index_of_max(window(s, 0 / 0, 1))",
     "s[index_of_max(s)]",
     "count(f)",
     "count(s < 10)",

@@ -15,6 +15,7 @@ from colony.execute import executor, python_step
 from colony.execute import machine as executor_machine
 from colony.execute.code import Apply, Code, Kind, Literal, Op, SensorFresh
 from colony.execute.operators import FUNCTIONS, Operator
+from colony.ir.program import Before, Role, Sensor
 from colony.verify.testing import agreement
 from tests.verify.testing.bugs_in_passes import Plant
 
@@ -127,6 +128,14 @@ def defaults_fresh(given: Code) -> Code:
 
 def sensors_changed(change: Callable[[Any], Any]) -> Plant:
     return code(lambda given: replace(given, sensors=tuple(map(change, given.sensors))))
+
+
+def only_winners_active(sensor: Sensor) -> Sensor:
+    """A module counts as active in the frame before only if it won."""
+    match sensor.sent:
+        case Before(of=Role() as role):
+            return replace(sensor, sent=replace(sensor.sent, of=replace(role, kind="by")))
+    return sensor
 
 
 def operator(which: Operator, function: Callable[..., Any]) -> Plant:

@@ -6,6 +6,7 @@ Nothing here depends on how a stage is written, only on what it gives.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, replace
 
 from colony.compile.guards import Always, And, Not, Or, Recently
@@ -32,6 +33,7 @@ from tests.verify.testing.bugs_in_code import (
     limits_without_condition,
     moved_while_missing,
     never_silent,
+    only_winners_active,
     operator,
     other_initial_values,
     range_before_limits,
@@ -182,6 +184,12 @@ BUGS: tuple[Bug, ...] = (
     Bug(name="modules never silent", plant=code(never_silent)),
     Bug(name="defaults taken for fresh", plant=code(defaults_fresh)),
     Bug(name="sensors not clamped", plant=sensors_changed(lambda s: replace(s, low=None, high=None))),
+    Bug(name="only winners count as active", plant=sensors_changed(only_winners_active)),
+    Bug(
+        name="generated Python forgets who was active",
+        generated=True,
+        plant=generated(lambda s: re.sub(r"(self\.kept_last_\w+_is_active) = .*", r"\1 = False", s)),
+    ),
     Bug(name="units of sensors ignored", plant=sensors_changed(lambda s: replace(s, factor=1.0))),
     # contracts
     Bug(name="unknown contracts hold", plant=lowered("holds", unknown_holds)),

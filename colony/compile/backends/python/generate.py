@@ -38,6 +38,7 @@ from colony.execute.machine import defaults, field_types
 from colony.execute.needs import whole_view
 from colony.execute.sensors import age_limits
 from colony.ir import angles
+from colony.ir.program import Role
 from colony.ir.version import SEMANTICS
 from colony.text.diagnostics import DiagnosticError, error
 
@@ -250,6 +251,7 @@ class _Generator:
         for actuator in self.plan.actuators:
             self.actuator(actuator)
         self.contracts()
+        self.remember_active()
         self.memory()
         self.remember_sent()
         decisions = [self.names.decision[a.actuator.actuator.name] for a in self.plan.actuators]
@@ -352,14 +354,24 @@ class _Generator:
                 value = self.text(self.code.cells[cell].value)
                 self.add(indent, f"self.{self.names.cells[cell]} = {value}")
 
+    def remember_active(self) -> None:
+        """Keep what is `last.MODULE is active` in the next frame, unless a reading says otherwise."""
+        self.before(self.plan.activity_slot, 2)
+        for name, active in self.plan.activity:
+            self.add(2, f"self.{self.names.last[name]} = {self.text(active)}")
+
     def remember_sent(self) -> None:
-        """Keep what is `last.ACTUATOR.FIELD` in the next frame, unless a reading says otherwise."""
+        """Keep what else is `last...` in the next frame, unless a reading says otherwise."""
         idle = {plan.actuator.actuator.name: plan.actuator.actuator.idle for plan in self.plan.actuators}
         for sensor in self.sent:
             assert sensor.sent is not None
-            actuator, index = sensor.sent
+            actuator, of = sensor.sent.actuator, sensor.sent.of
             decision, last = self.names.decision[actuator], self.names.last[sensor.name]
-            keep = f"self.{last} = {decision}[2][{index}]"
+            if isinstance(of, Role):
+                if of.kind == "by":
+                    self.add(2, f"self.{last} = {decision}[1] == {of.module!r}")
+                continue
+            keep = f"self.{last} = {decision}[2][{of}]"
             self.add(2, *([keep] if idle[actuator] is not None else [f"if {decision}[2]:", f"    {keep}"]))
 
 

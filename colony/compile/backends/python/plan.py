@@ -26,6 +26,7 @@ from colony.execute.code import (
     Op,
     PythonCall,
     Table,
+    activity_read,
     live,
     operands,
     roots,
@@ -184,11 +185,16 @@ class CommitPlan:
 
 @dataclass(frozen=True, slots=True)
 class ProgramOutline:
-    """The outline of the generated program: all its parts with their slots."""
+    """The outline of the generated program: all its parts with their slots.
+
+    `activity` is what sensors `last.MODULE is active` have in the next frame.
+    """
 
     python: tuple[tuple[PythonCall, int], ...]
     actuators: tuple[ActuatorPlan, ...]
     contracts: tuple[tuple[ContractCode, int], ...]
+    activity: tuple[tuple[str, int], ...]
+    activity_slot: int
     memory_slot: int
     commits: tuple[CommitPlan, ...]
 
@@ -202,10 +208,14 @@ def make_plan(code: Code, layout: FunctionLayout, placement: Placement) -> Progr
         slot = layout.slot(ROOT)
         placement.use(contract.holds, slot)
         contracts.append((contract, slot))
+    activity, activity_slot = activity_read(code), layout.slot(ROOT)
+    placement.use_all(activity.values(), activity_slot)
     memory_slot = layout.slot(ROOT)
     commits = _commits(code, layout, placement)
     placement.settle(memory_slot)
-    return ProgramOutline(python, actuators, tuple(contracts), memory_slot, commits)
+    return ProgramOutline(
+        python, actuators, tuple(contracts), tuple(activity.items()), activity_slot, memory_slot, commits
+    )
 
 
 def _python(call: PythonCall, layout: FunctionLayout, placement: Placement) -> int:
