@@ -368,7 +368,8 @@ def _actuator(checker: Checker, node: ast.SequenceDecl, task: ast.TaskDecl, modu
         hint = f"derive the task from an ordinary module, and let a failsafe one with `{phase}` suppress it"
         checker.error("E411", task.base, message, hint)
     elif text is not None and text.do is not None:
-        return text.do.actuator.text
+        actuator = text.do.actuator.text
+        return actuator if actuator in checker.scope.robot.actuator_names else None
     return None
 
 
