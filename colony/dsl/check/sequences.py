@@ -233,9 +233,8 @@ class _SequenceWriter:
         node, first = self.node, self.node.tasks[0]
         if node.restarts and task is not first:
             yield _transition(task.name, first.name, self._read("held"), task.name, failsafe=True)
-        through = self._through(task)
-        until = task.until if through is None else _infix("and", task.until, through, task.until)
-        yield _transition(task.name, follower, until, task.until)
+        ending = _transition(task.name, follower, task.until, task.until)
+        yield replace(ending, through=self._through(task))
         if task.within is None and self._is_constantly_false(task.until):
             message = f"the task `{task.name.text}` can neither end nor time out"
             hint = "correct its `until`, or give it a time: `within 10 s else PHASE`"
