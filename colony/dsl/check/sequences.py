@@ -232,7 +232,7 @@ class _SequenceWriter:
     def _transitions(self, task: ast.TaskDecl, follower: ast.NameNode) -> Iterator[ast.TransitionDecl]:
         node, first = self.node, self.node.tasks[0]
         if node.restarts and task is not first:
-            yield _transition(task.name, first.name, self._read("held"), task.name, failsafe=True)
+            yield _transition(task.name, first.name, self._read("held"), task.name)
         ending = _transition(task.name, follower, task.until, task.until)
         yield replace(ending, through=self._through(task))
         if task.within is None and self._is_constantly_false(task.until):
