@@ -235,7 +235,7 @@ class _SequenceWriter:
             yield _transition(task.name, first.name, self._read("held"), task.name)
         ending = _transition(task.name, follower, task.until, task.until)
         yield replace(ending, through=self._through(task))
-        if task.within is None and self._is_constantly_false(task.until):
+        if not _times_out(task) and self._is_constantly_false(task.until):
             message = f"the task `{task.name.text}` can neither end nor time out"
             hint = "correct its `until`, or give it a time: `within 10 s else PHASE`"
             self.checker.error("E409", task.until, message, hint)
@@ -340,6 +340,11 @@ class _SequenceWriter:
 
     def _let(self, name: str, value: ast.Expression) -> ast.LetDecl:
         return ast.LetDecl(name=self._own(name), value=value, **_place(self.node.name))
+
+
+def _times_out(task: ast.TaskDecl) -> bool:
+    """Return True if a task is left after a time, and does not try again for ever."""
+    return task.otherwise is not None and task.otherwise.text != task.name.text
 
 
 def _actuator(checker: Checker, node: ast.SequenceDecl, task: ast.TaskDecl, modules: Modules) -> str | None:
@@ -460,7 +465,7 @@ def waiting_findings(
             for t in machine.transitions
             if t.sources == {numbers[task.name.text]} and t.span == span and not t.failsafe
         ]
-        if task.within is None:
+        if not _times_out(task):
             missing = [
                 sensor
                 for sensor in _sensors_needed(conditions, lets)
