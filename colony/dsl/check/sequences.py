@@ -186,7 +186,8 @@ class _SequenceWriter:
         self.node = node
         self.name = node.name.text
         self.commands = {task.name.text: _actuator(checker, node, task, modules) for task in node.tasks}
-        self.limits = {task.name.text: self._frames(task) for task in node.tasks if task.within is not None}
+        limits = {task.name.text: self._frames(task) for task in node.tasks if task.within is not None}
+        self.limits = {task.name.text: limits[task.name.text] for task in node.tasks if _times_out(task)}
 
     def declarations(self) -> Iterator[ast.Declaration]:
         """Yield what the sequence stands for."""
@@ -239,11 +240,10 @@ class _SequenceWriter:
             message = f"the task `{task.name.text}` can neither end nor time out"
             hint = "correct its `until`, or give it a time: `within 10 s else PHASE`"
             self.checker.error("E409", task.until, message, hint)
-        if task.otherwise is not None and task.within is not None:
-            limit = self.limits[task.name.text]
-            if limit is not None:
-                due = self._is_due(task, limit)
-                yield _transition(task.name, task.otherwise, due, task.within, failsafe=True)
+        limit = self.limits.get(task.name.text)
+        if limit is not None and task.otherwise is not None and task.within is not None:
+            due = self._is_due(task, limit)
+            yield _transition(task.name, task.otherwise, due, task.within, failsafe=True)
 
     def _is_constantly_false(self, node: ast.Expression) -> bool:
         quiet = replace(self.checker, report=CheckReport(), memory=False, constants_only=True)
@@ -281,22 +281,13 @@ class _SequenceWriter:
         return _if(changed, _number(0, name), self._read("frames"))
 
     def _next_frames(self, limit: int) -> ast.Expression:
-        """Return the next number of frames, which is at most `limit`; a task that retries begins with 0."""
+        """Return the next number of frames, which is at most `limit`."""
         node, name = self.node, self.node.name
         more = _infix("+", self._read("time"), _number(1, name), name)
         arguments = (more, _number(limit, name))
         count: ast.Expression = ast.CallNode(
             function=_named("min", name), arguments=arguments, named=(), depth=3, **_place(name)
         )
-        again = [
-            _infix("and", _in_phase(node, task), self._is_due(task, frames), task.name)
-            for task in node.tasks
-            if task.otherwise is not None and task.otherwise.text == task.name.text
-            if (frames := self.limits[task.name.text]) is not None
-        ]
-        retries = _joined("or", again)
-        if retries is not None:
-            count = _if(retries, _number(0, name), count)
         return _if(self._read("held"), _number(0, name) if node.restarts else self._read("time"), count)
 
     def _through(self, task: ast.TaskDecl) -> ast.Expression | None:
@@ -343,7 +334,7 @@ class _SequenceWriter:
 
 
 def _times_out(task: ast.TaskDecl) -> bool:
-    """Return True if a task is left after a time, and does not try again for ever."""
+    """Return True if a task is left after a time; one that is followed by itself is not."""
     return task.otherwise is not None and task.otherwise.text != task.name.text
 
 
