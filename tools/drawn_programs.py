@@ -14,14 +14,17 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import count
 from multiprocessing import Pool
 from random import Random
 from typing import NamedTuple
 
+from colony.dsl.check.compatibility import with_new_cells
 from colony.ir import expression as ir
 from colony.ir.frame import Frame, Outcome
 from colony.ir.program import Actuator, Contract, Module, Program
 from colony.ir.types import BOOL
+from colony.ir.walk import all_subexpressions
 from colony.verify.claims import any_of, binary, constant, negation
 from colony.verify.contracts.concrete_runs import LongRuns, Replay
 from colony.verify.contracts.prove import prove_contracts
@@ -118,10 +121,16 @@ class Holding(NamedTuple):
 
 def with_weaker_contracts(program: Program, random: Random) -> Program:
     """Return a program with a few contracts that hold more often than those that were drawn."""
+    cells = count(
+        1 + max((x.cell for x in all_subexpressions(program) if isinstance(x, ir.MemoryCall)), default=0)
+    )
     idle = [ir.IsIdle(type=BOOL, actuator=a.name) for a in program.robot.actuators]
     active = [ir.IsActive(type=BOOL, name=m.name) for m in program.modules if isinstance(m, Module)]
     weaker = [
-        Contract(name=f"{c.name}_or_{kind}", expression=any_of((c.expression, other)))
+        Contract(
+            name=f"{c.name}_or_{kind}",
+            expression=any_of((with_new_cells(c.expression, lambda: next(cells)), other)),
+        )
         for c in program.contracts
         for kind, other in (("idle", idle[0]), ("none_idle", negation(idle[-1])), ("active", active[-1]))
     ]

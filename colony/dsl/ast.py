@@ -186,12 +186,13 @@ class NextDecl(NamedValue):
 
 @record
 class TransitionDecl(SyntaxNode):
-    """A transition; `source` is None for `any`."""
+    """A transition; `source` is None for `any`. That of a task must also have got `through`."""
 
     failsafe: bool = False
     source: NameNode | None
     target: NameNode
     condition: Expression
+    through: Expression | None = None
 
 
 @record

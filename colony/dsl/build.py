@@ -219,6 +219,7 @@ class TreeBuilder:
             source=None if source.type == "ANY" else _name(source),
             target=_name(target),
             condition=condition,
+            through=None,
             **_extent(c),
         )
 

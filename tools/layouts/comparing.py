@@ -28,7 +28,7 @@ from colony.ir.servers import DSERVER
 from colony.runtime.assembly.sharing import announcer_process_name, client_processes
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.library import clock, data
-from colony.runtime.protocol.messages import UNHEARD, Request, SentMessage, Tick
+from colony.runtime.protocol.messages import UNHEARD, Ready, Request, SentMessage, Tick
 from colony.runtime.transport.faults import FaultRates
 from tests.drawn.strategies import run_of_seed
 from tests.drawn.tunables import draw_values, with_tunables
@@ -226,8 +226,17 @@ def sender(message: SentMessage) -> str:
 def as_text(message: SentMessage) -> str:
     """Return a message as text, its encoded parts included. Void frames have no order."""
     if isinstance(message, Tick):
-        message = msgspec.structs.replace(message, void=tuple(sorted(message.void)))
+        message = _without_order(message)
+    elif isinstance(message, Ready) and message.progress is not None:
+        ticks = tuple(map(_without_order, message.progress.ticks))
+        message = msgspec.structs.replace(
+            message, progress=msgspec.structs.replace(message.progress, ticks=ticks)
+        )
     return repr(msgspec.msgpack.decode(msgspec.msgpack.encode(message)))
+
+
+def _without_order(tick: Tick) -> Tick:
+    return msgspec.structs.replace(tick, void=tuple(sorted(tick.void)))
 
 
 def canonical(log: RunFrame) -> str:

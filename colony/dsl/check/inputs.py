@@ -30,7 +30,7 @@ from colony.dsl.check.scope import (
 )
 from colony.dsl.check.site_values import declared_unit, outside_text, site_param
 from colony.ir import program as ir
-from colony.ir.expression import DerivedValue, Expression, SensorValue
+from colony.ir.expression import Binary, BinaryOperation, DerivedValue, Expression, SensorValue
 from colony.ir.types import BOOL, DIMENSIONLESS, Enum, Quantity, Scalar, ScalarValue, Value, unit_shown
 from colony.record import Record, record
 from colony.text.units import BASE_UNITS
@@ -180,7 +180,10 @@ def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Ma
     numbers = dict(type_.members)
     transitions: list[ir.Transition] = []
     for transition in node.transitions:
-        condition = checker.expect(transition.condition, BOOL, "the condition of a transition")
+        what = "the condition of a transition" if transition.through is None else "`until`"
+        condition = checker.expect(transition.condition, BOOL, what)
+        if transition.through is not None and condition is not None:
+            condition = both(condition, checker.check(transition.through))
         if condition is None:
             continue
         target = numbers[transition.target.text]
@@ -206,6 +209,13 @@ def check_machine(checker: Checker, node: ast.MachineDecl, type_: Enum) -> ir.Ma
         transitions=tuple(transitions),
         tasks=tuple(task.text for task in node.tasks),
     )
+
+
+def both(left: Expression, right: Expression | None) -> Expression | None:
+    """Return `left and right`, which stands at `left`; None without `right`."""
+    if right is None:
+        return None
+    return BinaryOperation(type=BOOL, operator=Binary.AND, left=left, right=right, span=left.span)
 
 
 def let_symbol(let: ir.Let, module: str | None = None) -> LetSymbol:

@@ -16,6 +16,7 @@ from colony.dsl.check.functions import declare_function
 from colony.dsl.check.inputs import (
     InputBinding,
     Inputs,
+    both,
     check_inputs,
     check_let,
     check_nexts,
@@ -41,7 +42,7 @@ from colony.dsl.check.scope import (
 )
 from colony.dsl.check.site_values import outside_text, site_param
 from colony.ir import program as ir
-from colony.ir.expression import Binary, BinaryOperation, Constant, Expression
+from colony.ir.expression import Constant, Expression
 from colony.ir.types import BOOL, DIMENSIONLESS, Enum, ScalarValue, type_text
 from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, has_errors
@@ -214,9 +215,10 @@ def _base(
             return base
         if not quiet:
             task, written = pending.node.base.text, base.node.base.text
+            hint = f"derive from `{written}`" if written != task else "derive from an ordinary module"
             message = f"`{task}` is a task, and applies only in its phase: nothing can be derived from it"
             checker = ExpressionChecker(scope=pending.scope, report=report)
-            checker.error("E404", pending.node.base, message, f"derive from `{written}`")
+            checker.error("E404", pending.node.base, message, hint)
         return None
     if quiet:
         return None
@@ -342,10 +344,9 @@ def _in_phase(
     present = ExpressionChecker(scope=pending.scope, report=report).check(phase)
     if present is None or not isinstance(module, ir.Module):
         return module  # which was reported
-    when = BinaryOperation(
-        type=BOOL, operator=Binary.AND, left=present, right=module.when, span=module.when.span
-    )
-    return replace(module, when=when)
+    when = both(present, module.when)
+    assert when is not None
+    return replace(module, when=replace(when, span=module.when.span))
 
 
 def _stand_in(pending: PendingModule) -> ir.Module:

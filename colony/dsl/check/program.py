@@ -326,9 +326,8 @@ class _Check:
         return list(contracts.values())
 
     def _roles(self) -> None:
-        """Add the sensors of what modules did in the frame before, each named place once."""
-        places = {(scope.file.key, n.start, n.end, n): (scope, n) for scope, n in self.robot.roles}
-        for scope, node in places.values():
+        """Add the sensors of what modules did in the frame before."""
+        for scope, node in self.robot.roles.values():
             sensor = role_sensor(ExpressionChecker(scope=scope, report=self.report), node)
             if sensor is not None:
                 self.robot.sent.setdefault(sensor.name, sensor)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import islice
-from typing import Literal, TypeGuard
 
 from colony.dsl import ast
 from colony.dsl.check.arrays import MAX_ITERATIONS
@@ -384,46 +383,69 @@ def resolve_status(checker: Checker, node: ast.Is) -> ir.Expression | None:
 # --- `by` and `is` of the frame before -----------------------------------------------------------
 #
 # They are sensors, which may be read before the module that they name is checked. So an expression reads them
-# by name, and `role_sensors` checks what they name once all modules are known.
+# by name, and `role_sensor` checks what they name once all modules are known.
 
 
-def is_before(node: ast.SyntaxNode) -> TypeGuard[ast.By | ast.Is]:
+def is_before(node: ast.By | ast.Is) -> bool:
     """Return True for `last.ACTUATOR by MODULE` and `last.MODULE is active`."""
-    subject = (
-        node.actuator if isinstance(node, ast.By) else node.subject if isinstance(node, ast.Is) else None
-    )
+    subject = node.actuator if isinstance(node, ast.By) else node.subject
     return isinstance(subject, ast.Reference) and subject.path[0] == program_ir.SENT
 
 
 def role_read(checker: Checker, node: ast.By | ast.Is) -> str | None:
     """Return the name of the sensor that `node` reads, or None after reporting an error of its form."""
-    subject = node.actuator if isinstance(node, ast.By) else node.subject
-    assert isinstance(subject, ast.Reference)
-    if isinstance(node, ast.By):
-        named = node.module
-        if len(subject.path) != 2 or not isinstance(named, ast.Reference):
-            hint = "name an actuator and a module: `last.ACTUATOR by MODULE`"
-            checker.error("E202", node, "expected `by` between an actuator and a module", hint)
-            return None
-        kind: Literal["by", "active"] = "by"
-    else:
-        if node.status != "active" or len(subject.path) == 1:
-            hint = "name a module, `last.MODULE is active`, or read `last.ACTUATOR by MODULE`"
-            checker.error("E202", node, f"`{subject.text} is {node.status}` cannot be read", hint)
-            return None
-        kind, named = "active", _module_named(node)
-    checker.scope.robot.roles.append((checker.scope, node))
-    scope, path = checker.scope.resolve_part(named.path)
+    named = _names(node)
+    if named is None:
+        hint = "write `last.ACTUATOR by MODULE` or `last.MODULE is active`"
+        checker.error("E202", node, "of the frame before, this cannot be read", hint)
+        return None
+    actuator, module = named
+    scope, path = checker.scope.resolve_part(module.path)
     owner = scope.visible_network_symbols.get(path[0].partition(".")[0]) if len(path) == 1 else None
-    module = named.text if owner is None else owner.full_name(path[0])
-    return program_ir.role_name(subject.path[1], program_ir.Role(kind=kind, module=module))
+    full_name = module.text if owner is None else owner.full_name(path[0])
+    name = program_ir.role_name("" if actuator is None else actuator.text, _role(node, full_name))
+    checker.scope.robot.roles[checker.scope.file.key, name, node.start] = checker.scope, node
+    return name
 
 
-def _module_named(node: ast.Is) -> ast.Reference:
-    """Return the reference to the module of `last.MODULE is active`."""
-    assert isinstance(node.subject, ast.Reference)
-    start = node.subject.end - len(node.subject.path[-1])
-    return ast.Reference(path=node.subject.path[1:], start=start, end=node.subject.end)
+def role_sensor(checker: Checker, node: ast.By | ast.Is) -> program_ir.Sensor | None:
+    """Return the sensor that `node` reads once all modules are checked, or None after reporting an error."""
+    named = _names(node)
+    assert named is not None, "its form was checked"
+    name, module_node = named
+    actuator = None if name is None else actuator_named(checker, name)
+    module = resolve_network_symbol(checker, module_node)
+    if module is None or isinstance(module, BrokenSymbol) or (name is not None and actuator is None):
+        return None
+    if not isinstance(module, ModuleSymbol):
+        hint = "name a module" if isinstance(module, WireSymbol) else "read `last.ACTUATOR by MODULE`"
+        checker.error("E202", module_node, f"expected a module, found {kind_of_part(module)}", hint)
+        return None
+    commanded = checker.scope.robot.network_symbols.get(module.actuator or "")
+    if actuator is None and not isinstance(commanded, ActuatorSymbol):
+        hint = "the server of an actuator knows only the modules that command it"
+        checker.error("E202", module_node, f"`{module.name}` commands nothing", hint)
+        return None
+    symbol = commanded if actuator is None else ActuatorSymbol(actuator=actuator)
+    assert isinstance(symbol, ActuatorSymbol)
+    if not _commands(checker, module_node, module, symbol):
+        return None
+    return program_ir.role_sensor(symbol.actuator, _role(node, module.name))
+
+
+def _names(node: ast.By | ast.Is) -> tuple[ast.NameNode | None, ast.Reference] | None:
+    """Return the actuator, if any, and the module that `node` names; None if it has another form."""
+    match node:
+        case ast.By(actuator=ast.Reference(path=(_, name), end=end), module=ast.Reference() as module):
+            return ast.NameNode(text=name, start=end - len(name), end=end), module
+        case ast.Is(subject=ast.Reference(path=(_, *path), end=end), status="active") if path:
+            return None, ast.Reference(path=tuple(path), start=end - len(path[-1]), end=end)
+        case _:
+            return None
+
+
+def _role(node: ast.By | ast.Is, module: str) -> program_ir.Role:
+    return program_ir.Role(kind="by" if isinstance(node, ast.By) else "active", module=module)
 
 
 def _read_role(checker: Checker, node: ast.By | ast.Is) -> ir.Expression | None:
@@ -432,36 +454,6 @@ def _read_role(checker: Checker, node: ast.By | ast.Is) -> ir.Expression | None:
         return None
     name = role_read(checker, node)
     return None if name is None else ir.SensorValue(type=BOOL, name=name, span=checker.span(node))
-
-
-def role_sensor(checker: Checker, node: ast.By | ast.Is) -> program_ir.Sensor | None:
-    """Return the sensor that `node` reads once all modules are checked, or None after reporting an error."""
-    if isinstance(node, ast.By):
-        assert isinstance(node.actuator, ast.Reference)
-        name = node.actuator.path[1]
-        end = node.actuator.end
-        actuator = actuator_named(checker, ast.NameNode(text=name, start=end - len(name), end=end))
-        module = network_symbol_of(checker, node.module)
-    else:
-        actuator, module = None, resolve_network_symbol(checker, named := _module_named(node))
-    if module is None or isinstance(module, BrokenSymbol) or (isinstance(node, ast.By) and actuator is None):
-        return None
-    node_of_module = node.module if isinstance(node, ast.By) else named
-    if not isinstance(module, ModuleSymbol):
-        hint = "name a module" if isinstance(module, WireSymbol) else "read `last.ACTUATOR by MODULE`"
-        checker.error("E202", node_of_module, f"expected a module, found {kind_of_part(module)}", hint)
-        return None
-    if actuator is None:
-        found = checker.scope.robot.network_symbols.get(module.actuator or "")
-        actuator = found.actuator if isinstance(found, ActuatorSymbol) else None
-    if actuator is None:
-        hint = "the server of an actuator knows only the modules that command it"
-        checker.error("E202", node_of_module, f"`{module.name}` commands nothing", hint)
-        return None
-    if not _commands(checker, node_of_module, module, ActuatorSymbol(actuator=actuator)):
-        return None
-    kind: Literal["by", "active"] = "by" if isinstance(node, ast.By) else "active"
-    return program_ir.role_sensor(actuator, program_ir.Role(kind=kind, module=module.name))
 
 
 def _check_in_contract_or_test(checker: Checker, node: ast.SyntaxNode) -> bool:

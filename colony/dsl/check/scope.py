@@ -360,10 +360,10 @@ class RobotScope:
 
     If the program has no robot, or its text cannot be read, unknown names are not reported. `sent` are the
     sensors `last...` that something reads, by name, and `tunables` the tunable params; `roles` is where
-    something reads what a module did in the frame before. `frame_ns` is the frame period, None while it is
-    unknown. `renamed` are the sensors to which lets of files give other names, by these names in full.
-    `title` is the robot with its file, for messages; `lacks` are the names that files with `import robot`
-    read and nothing declares.
+    something reads what a module did in the frame before, by file, name and place. `frame_ns` is the frame
+    period, None while it is unknown. `renamed` are the sensors to which lets of files give other names, by
+    these names in full. `title` is the robot with its file, for messages; `lacks` are the names that files
+    with `import robot` read and nothing declares.
     """
 
     absent: bool = False
@@ -371,7 +371,7 @@ class RobotScope:
     lacks: set[str] = field(default_factory=set)
     frame_ns: int | None = None
     sent: dict[str, ir.Sensor] = field(default_factory=dict)
-    roles: list[tuple[FileScope, ast.By | ast.Is]] = field(default_factory=list)
+    roles: dict[tuple[object, str, int], tuple[FileScope, ast.By | ast.Is]] = field(default_factory=dict)
     tunables: dict[str, ir.Sensor] = field(default_factory=dict)
     renamed: dict[str, str] = field(default_factory=dict)
     sensor_names: set[str] = field(default_factory=set)

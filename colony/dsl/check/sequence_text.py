@@ -132,6 +132,9 @@ class _Writer:
 
     def _changed(self, node: Any, *, is_part: bool) -> Any:
         match node:
+            case ast.TransitionDecl(condition=condition, through=ast.By() as through):
+                whole = ast.Infix(operator="and", left=condition, right=through, start=0, end=0)
+                return self._changed(replace(node, condition=whole, through=None), is_part=False)
             case ast.NameNode(text=text):
                 return replace(node, text=self.names.get(text, text))
             case ast.Reference(path=path):

@@ -186,7 +186,8 @@ class _SequenceWriter:
         self.node = node
         self.name = node.name.text
         self.commands = {task.name.text: _actuator(checker, node, task, modules) for task in node.tasks}
-        self.limits = {task.name.text: self._frames(task) for task in node.tasks if task.within is not None}
+        limits = {task.name.text: self._frames(task) for task in node.tasks if task.within is not None}
+        self.limits = {task.name.text: limits[task.name.text] for task in node.tasks if _times_out(task)}
 
     def declarations(self) -> Iterator[ast.Declaration]:
         """Yield what the sequence stands for."""
@@ -232,19 +233,17 @@ class _SequenceWriter:
     def _transitions(self, task: ast.TaskDecl, follower: ast.NameNode) -> Iterator[ast.TransitionDecl]:
         node, first = self.node, self.node.tasks[0]
         if node.restarts and task is not first:
-            yield _transition(task.name, first.name, self._read("held"), task.name, failsafe=True)
-        through = self._through(task)
-        until = task.until if through is None else _infix("and", task.until, through, task.until)
-        yield _transition(task.name, follower, until, task.until)
-        if task.within is None and self._is_constantly_false(task.until):
+            yield _transition(task.name, first.name, self._read("held"), task.name)
+        ending = _transition(task.name, follower, task.until, task.until)
+        yield replace(ending, through=self._through(task))
+        if not _times_out(task) and self._is_constantly_false(task.until):
             message = f"the task `{task.name.text}` can neither end nor time out"
             hint = "correct its `until`, or give it a time: `within 10 s else PHASE`"
             self.checker.error("E409", task.until, message, hint)
-        if task.otherwise is not None and task.within is not None:
-            limit = self.limits[task.name.text]
-            if limit is not None:
-                due = self._is_due(task, limit)
-                yield _transition(task.name, task.otherwise, due, task.within, failsafe=True)
+        limit = self.limits.get(task.name.text)
+        if limit is not None and task.otherwise is not None and task.within is not None:
+            due = self._is_due(task, limit)
+            yield _transition(task.name, task.otherwise, due, task.within, failsafe=True)
 
     def _is_constantly_false(self, node: ast.Expression) -> bool:
         quiet = replace(self.checker, report=CheckReport(), memory=False, constants_only=True)
@@ -282,22 +281,13 @@ class _SequenceWriter:
         return _if(changed, _number(0, name), self._read("frames"))
 
     def _next_frames(self, limit: int) -> ast.Expression:
-        """Return the next number of frames, which is at most `limit`; a task that retries begins with 0."""
+        """Return the next number of frames, which is at most `limit`."""
         node, name = self.node, self.node.name
         more = _infix("+", self._read("time"), _number(1, name), name)
         arguments = (more, _number(limit, name))
         count: ast.Expression = ast.CallNode(
             function=_named("min", name), arguments=arguments, named=(), depth=3, **_place(name)
         )
-        again = [
-            _infix("and", _in_phase(node, task), self._is_due(task, frames), task.name)
-            for task in node.tasks
-            if task.otherwise is not None and task.otherwise.text == task.name.text
-            if (frames := self.limits[task.name.text]) is not None
-        ]
-        retries = _joined("or", again)
-        if retries is not None:
-            count = _if(retries, _number(0, name), count)
         return _if(self._read("held"), _number(0, name) if node.restarts else self._read("time"), count)
 
     def _through(self, task: ast.TaskDecl) -> ast.Expression | None:
@@ -343,6 +333,11 @@ class _SequenceWriter:
         return ast.LetDecl(name=self._own(name), value=value, **_place(self.node.name))
 
 
+def _times_out(task: ast.TaskDecl) -> bool:
+    """Return True if a task is left after a time; one that is followed by itself is not."""
+    return task.otherwise is not None and task.otherwise.text != task.name.text
+
+
 def _actuator(checker: Checker, node: ast.SequenceDecl, task: ast.TaskDecl, modules: Modules) -> str | None:
     """Return the actuator that the module of a task commands, or None after reporting that it does not fit.
 
@@ -368,7 +363,8 @@ def _actuator(checker: Checker, node: ast.SequenceDecl, task: ast.TaskDecl, modu
         hint = f"derive the task from an ordinary module, and let a failsafe one with `{phase}` suppress it"
         checker.error("E411", task.base, message, hint)
     elif text is not None and text.do is not None:
-        return text.do.actuator.text
+        actuator = text.do.actuator.text
+        return actuator if actuator in checker.scope.robot.actuator_names else None
     return None
 
 
@@ -460,7 +456,7 @@ def waiting_findings(
             for t in machine.transitions
             if t.sources == {numbers[task.name.text]} and t.span == span and not t.failsafe
         ]
-        if task.within is None:
+        if not _times_out(task):
             missing = [
                 sensor
                 for sensor in _sensors_needed(conditions, lets)

@@ -112,7 +112,8 @@ def _needed(case: Case, memory: State | Machine) -> Iterator[tuple[int | None, f
 
 def _has_time_limit(machine: Machine, i: int) -> bool:
     sources = machine.transitions[i].sources
-    return any(t.failsafe and t.sources == sources for t in machine.transitions[i + 1 :])
+    below = machine.transitions[i + 1 :]
+    return any(t.failsafe and t.sources == sources and t.target not in sources for t in below)
 
 
 def _above(machine: Machine, i: int) -> Iterator[int]:
