@@ -359,6 +359,8 @@ class _Text:
             until = f" until {self.write(BOOL, self.choices.pick((2, 0)))}"
             if not self.choices.one_in(4):
                 failure = self.choices.pick((*tasks, *ends))
+                if failure == task and "false" in until:  # it may never end
+                    failure = "done"
                 failures += [failure] if failure == "failed" else []
                 until += f" within {self.choices.pick(('50 ms', '0.2 s', '120 ms'))} else {failure}"
             elif "false" in until:  # it may never be true
