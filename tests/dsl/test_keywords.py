@@ -137,7 +137,7 @@ def test_a_phase_may_be_any_word_but_a_unit_and_any() -> None:
 def test_a_task_may_be_any_word_but_a_unit() -> None:
     text = (
         "module m {{ when bumper do drive(velocity = 0, turn = 0) }}"
-        " sequence q {{ {0} = m until bumper within 1 s else {0}"
+        " sequence q {{ {0} = m until bumper within 1 s else onward"
         " onward = m until bumper within 2 s else {0} }}"
         " network {{ drive = q.{0} suppresses q.drive }}"
     )
