@@ -362,6 +362,16 @@ class ContractDecl(NamedNode):
 
 
 @record
+class AssumeDecl(ContractDecl):
+    """`assume name: expression`."""
+
+    @property
+    def keyword(self) -> str:
+        """The word that begins the declaration."""
+        return "assume"
+
+
+@record
 class Missing(SyntaxNode):
     """`missing`, as a value after `given`."""
 
@@ -427,6 +437,7 @@ Declaration = (
     | NetworkDecl
     | LimitDecl
     | ContractDecl
+    | AssumeDecl
     | TestDecl
 )
 
