@@ -249,7 +249,7 @@ REGULAR = "frames.regular"
 
 def assumptions(program: Program) -> tuple[Contract, ...]:
     """Return what the files of a program assume of the world, as contracts that runs watch."""
-    return tuple(c for c in program.contracts if c.assumed and c.name != REGULAR)
+    return tuple(c for c in program.contracts if c.is_assumption)
 
 
 def without_assumed(program: Program) -> Program:
@@ -465,6 +465,11 @@ class Contract(Declared):
     reach: bool = False
     assuming: tuple[str, ...] = ()
     requirements: tuple[str, ...] = field(default=(), compare=False)
+
+    @property
+    def is_assumption(self) -> bool:
+        """True for one that a file declares by `assume`."""
+        return self.assumed and self.name != REGULAR
 
 
 @record

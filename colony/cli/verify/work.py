@@ -158,19 +158,14 @@ class Verified:
     """
 
     file: str
-    checked: Program | None
+    program: Program | None
     diagnostics: list[Diagnostic]
     results: list[Result] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     report: DifferentialReport | None = None
     undecided_questions: int = 0  # questions about modules that can never act
     writes_tests: bool = False
-    program: Program | None = field(init=False)
-
-    def __post_init__(self) -> None:
-        from colony.ir.program import without_assumed
-
-        self.program = None if self.checked is None else without_assumed(self.checked)
+    checked: Program | None = None
 
     @property
     def suggested_file(self) -> str | None:
@@ -211,7 +206,10 @@ def load(file: str, *, write_test: bool) -> Verified:
     checked = check_to_run(file)
     if checked.program is None:
         return Verified(file, None, list(checked.diagnostics))
-    return Verified(file, checked.program, [], writes_tests=write_test)
+    from colony.ir.program import without_assumed
+
+    required = without_assumed(checked.program)
+    return Verified(file, required, [], writes_tests=write_test, checked=checked.program)
 
 
 @dataclass(slots=True, frozen=False)

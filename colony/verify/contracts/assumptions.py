@@ -88,13 +88,14 @@ def doubtful_assumptions(program: Program, options: ProofOptions, deadline: Dead
     found: list[Diagnostic] = []
     contradicting = set[str]()
     for assumption in assumed:
+        others = [a for a in assumed if a is not assumption and a.name not in contradicting]
         if runs.never_break(assumption):
             message = f"`{assumption.name}` is true or missing in every run: it assumes nothing"
             found.append(
                 warning("V017", assumption.span, message, "remove it, or say what it should exclude")
             )
-        elif assumption.name not in contradicting and runs.never_meet(assumption, assumed):
-            needed = [a for a in assumed if a is not assumption]
+        elif assumption.name not in contradicting and runs.never_meet(assumption, others):
+            needed = others
             for other in tuple(needed):
                 fewer = [a for a in needed if a is not other]
                 needed = fewer if runs.never_meet(assumption, fewer) else needed
