@@ -24,6 +24,7 @@ GOOD = TrialResult(
     shares={"drive/avoid": 0.25, "drive/(nobody)": 0.75, "lift/(nobody)": 1.0},
     limits={},
     breaches={},
+    assumptions={},
     remark="",
     difference="",
     audited=0,
