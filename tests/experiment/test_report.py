@@ -63,6 +63,15 @@ def test_summary_of_runs_with_a_goal_counts_arrivals() -> None:
     assert (found.arrived.cases, found.stuck.cases, found.worst) == (1, 0, (2,))
 
 
+def test_broken_assumptions_are_counted_and_fail_nothing() -> None:
+    results = [result(1, assumptions={"apart": 2.0}), result(2)]
+    found = summary_of("one", results)
+    assert (found.assumptions["apart"].cases, found.broken, found.failed) == (1, {}, False)
+    text = text_of(replace(PLAIN, programs=PLAIN.programs[:1]), results)
+    assert "assumption apart" in text
+    assert "broken in 1 of 2 runs" in text
+
+
 def test_summary_of_short_runs_does_not_say_how_often_robots_are_stuck() -> None:
     assert summary_of("one", [result(1, duration_s=30.0)]).stuck is None
 
