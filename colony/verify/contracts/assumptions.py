@@ -18,15 +18,13 @@ from colony.ir.program import Contract, Program, State, assumptions, without_ass
 from colony.ir.types import BOOL
 from colony.text.diagnostics import Diagnostic, Label, error, warning
 from colony.text.wording import quoted
+from colony.verify.contracts.candidates import HELD
 from colony.verify.contracts.results import ProofOptions
 from colony.verify.contracts.slicing import cone_of, facts, needs_of_slices, slice_of
 from colony.verify.contracts.solver import Budget, Deadline, IncrementalSolver, SolverAnswer
 from colony.verify.symbolic.encode import encode
 from colony.verify.symbolic.generalization import generalize
 from colony.verify.symbolic.unrolling import Unrolling
-
-_HELD = "assumptions held"
-"""Name of the state that all assumptions held in the frames before; names of the language have no blanks."""
 
 
 def under(program: Program, names: Collection[str]) -> Program:
@@ -35,10 +33,10 @@ def under(program: Program, names: Collection[str]) -> Program:
     assumed = [a for a in assumptions(program) if a.name in names]
     if not assumed:
         return required
-    held: Expression = StateValue(type=BOOL, name=_HELD)
+    held: Expression = StateValue(type=BOOL, name=HELD)
     for assumption in assumed:
         held = _joined(Binary.AND, held, assumption.expression)
-    state = State(name=_HELD, type=BOOL, initial=True, next=held)
+    state = State(name=HELD, type=BOOL, initial=True, next=held)
     contracts = tuple(
         replace(
             c,

@@ -46,6 +46,8 @@ ROUTES = {
     "state b = 0  next b = a  state d = 0  next d = b\ncontract c: d == 0",
     "an invariant": "assume few: n <= 3\nstate n = 0\nnext n = if value_or(bump, false) then n + 1 else n\n"
     "state m = 0  next m = clamp(n, m, 1000)\ncontract c: m <= 3",
+    "an invariant while it holds": "assume low: value_or(x >= 0 and x <= 5, true)\nstate m = 0\n"
+    "next m = m + (clamp(value_or(x, 0), -100, 100) - m) / 4\ncontract c: m <= 6",
     "the past": "assume once: not value_or(bump, false)\n"
     "contract c: now > 3 min implies not recently(value_or(bump, false), 1 min)",
     "floats": "assume bounded: value_or(x * 0.1 < 1, true) and value_or(x > 0, true)\n"
