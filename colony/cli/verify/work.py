@@ -291,11 +291,17 @@ class Work:
 
     def _assumptions(self, verified: Verified, proofs: _Proofs) -> None:
         """Look for assumptions that no run meets, or that are always true."""
+        from colony.ir.program import assumptions
         from colony.verify.contracts.assumptions import doubtful_assumptions
 
-        if not self.names:
+        if self.names or not assumptions(proofs.program):
+            return
+        known = proofs.cache.found("assumptions", list)
+        if known is None:
             proofs.deadline.begin_stage("runs that meet the assumptions")
-            verified.diagnostics += doubtful_assumptions(proofs.program, proofs.options, proofs.deadline)
+            known = doubtful_assumptions(proofs.program, proofs.options, proofs.deadline)
+            proofs.cache.keep_found("assumptions", known)
+        verified.diagnostics += known
 
     def _lints(
         self, verified: Verified, program: Program, proofs: _Proofs, on_progress: ReportProgress
