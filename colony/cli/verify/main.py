@@ -115,8 +115,8 @@ def command(
     rounds, and no run was found that breaks it), REFUTED by a run, which is shown, or unknown for a stated
     reason. "(operators too)": also proved while a joystick or a script commands within the limits; "(without
     operators)": a command may break the contract, as --why shows, or no proof was found; "(assuming A)": the
-    proof rests on `assume A`. A `reach` is reached by the run that is shown, NEVER REACHED if it is proved that
-    no run gets there, over reals or unknown.
+    proof rests on `assume A`. A `reach` is reached by the run that is shown, NEVER REACHED if it is proved
+    that no run gets there, over reals or unknown.
     Warnings about modules that can never act, and about other likely mistakes, follow. The proofs allow
     modules in Python any answer.
 
