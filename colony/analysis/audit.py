@@ -33,7 +33,7 @@ from colony.analysis.report import (
     same_decision,
 )
 from colony.ir.frame import ActuatorOutcome, Decision, Outcome, is_connection
-from colony.ir.program import Program
+from colony.ir.program import Program, assumptions
 from colony.runtime.frames.run_frame import RunFrame
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.verify.reference.interpreter import Interpreter
@@ -92,6 +92,7 @@ class Auditor:
         self._counts: Counter[str] = Counter()
         self._unheard_by_server: Counter[str] = Counter()
         self._contracts: dict[str, ContractCount] = {}
+        self._assumed = {a.name for a in assumptions(program)}
         self._first: Difference | None = None
 
     def take(self, frame: RunFrame) -> None:
@@ -238,6 +239,7 @@ class Auditor:
                 frames=so_far.frames + 1 if so_far else 1,
                 first_ns=so_far.first_ns if so_far else t_ns,
                 last_ns=t_ns,
+                assumed=name in self._assumed,
             )
 
     def _difference(

@@ -157,12 +157,16 @@ class Difference:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContractCount:
-    """A contract that the interpreter found broken in `frames` frames, the first and last at these times."""
+    """A contract that the interpreter found broken in `frames` frames, the first and last at these times.
+
+    One that is `assumed` is an assumption.
+    """
 
     contract: str
     frames: int
     first_ns: int
     last_ns: int
+    assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

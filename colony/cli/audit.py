@@ -19,7 +19,7 @@ from colony.ir.frame import Decision
 from colony.ir.program import Actuator, Program
 from colony.ir.site import Site
 from colony.ir.version import SEMANTICS
-from colony.runtime.observe.summary import SHADOW_TEXT
+from colony.runtime.observe.summary import SHADOW_TEXT, breach_text
 from colony.runtime.recordings.recorded import RecordingReader
 from colony.text.wording import counted, time_text
 
@@ -123,13 +123,14 @@ def _damage(report: AuditReport) -> Iterator[str]:
 
 
 def _contracts(report: AuditReport, program: Program) -> Iterator[str]:
-    unbroken_count = len(program.contracts) - len(report.contracts)
+    contracts = [c for c in program.contracts if not c.is_assumption]
+    unbroken_count = len(contracts) - sum(not c.assumed for c in report.contracts)
     if unbroken_count:
         yield f"{counted(unbroken_count, 'contract')} held in every frame"
     begin_ns = report.first_ns
     for c in report.contracts:
         span = f"first at {time_text(c.first_ns - begin_ns)}, last at {time_text(c.last_ns - begin_ns)}"
-        yield f"contract {c.contract}: BROKEN in {counted(c.frames, 'frame')}, {span}"
+        yield f"{breach_text(c.contract, assumed=c.assumed)} in {counted(c.frames, 'frame')}, {span}"
 
 
 def _location_text(first: Difference, begin_ns: int) -> str:

@@ -35,11 +35,12 @@ def with_proof(compilation: Compilation, file: str, params: SiteParams, *, inste
     """
     compiled, program = compilation.compiled, compilation.program
     assert compiled.site is not None
-    if not program.contracts:
+    count = sum(not c.assumed for c in program.contracts)
+    if not count:
         return replace(compiled, site=compiled.site.with_proof(()))
     if not installed("z3"):
         say(
-            f"{params.file}: error: {counted(len(program.contracts), 'contract')} must be proved with these "
+            f"{params.file}: error: {counted(count, 'contract')} must be proved with these "
             f"params, and z3 is not installed; {install_command('verify')}, run a .colonyc that was compiled "
             f"with them, or give {instead}"
         )

@@ -164,6 +164,7 @@ def _explained(program: Program, result: ExampleResult) -> list[Explanation | No
 
 
 def _test(file: str, only: tuple[str, ...], *, explain: bool) -> _Tested:
+    from colony.runtime.observe.summary import breach_text
     from colony.text.diagnostics import DiagnosticError
     from colony.verify.explain.text import lines as text_lines
     from colony.verify.testing.examples import failures_as_diagnostics, run_examples
@@ -182,6 +183,8 @@ def _test(file: str, only: tuple[str, ...], *, explain: bool) -> _Tested:
         verdict = "passed" if result.passed else "FAILED"
         frames = counted(result.frames, "frame")
         lines.append(f"{file}: {verdict}: {result.name} ({frames})")
+        for name, count in result.assumptions.items():
+            lines.append(f"  {breach_text(name, assumed=True)} in {counted(count, 'frame')}")
         lines += [f"  {line}" for answer in of_result if answer is not None for line in text_lines(answer)]
     passed = sum(result.passed for result in results)
     failed = len(results) - passed

@@ -363,6 +363,16 @@ class ContractDecl(NamedNode):
 
 
 @record
+class AssumeDecl(ContractDecl):
+    """`assume name: expression`."""
+
+    @property
+    def keyword(self) -> str:
+        """The word that begins the declaration."""
+        return "assume"
+
+
+@record
 class Missing(SyntaxNode):
     """`missing`, as a value after `given`."""
 
@@ -428,6 +438,7 @@ Declaration = (
     | NetworkDecl
     | LimitDecl
     | ContractDecl
+    | AssumeDecl
     | TestDecl
 )
 

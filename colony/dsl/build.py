@@ -362,6 +362,13 @@ class TreeBuilder:
             **_extent(c),
         )
 
+    def assume(self, c: Children) -> ast.AssumeDecl:
+        """Build an assumption."""
+        _, name, _, expression = c
+        return ast.AssumeDecl(
+            name=_name(name), expression=expression, in_time=False, reach=False, requirements=(), **_extent(c)
+        )
+
     def requirements(self, c: Children) -> tuple[str, ...]:
         """Return the requirements that a contract belongs to."""
         return tuple(_unquoted(text) for text in c[1::2])

@@ -109,7 +109,7 @@ def _parser() -> Lark:
 
 _DECLARATION = re.compile(
     r"^([ \t]*)(?:(?:robot|enum|import|input|(?:tunable[ \t]+)?param|let|state|next|machine"
-    r"|(?:failsafe[ \t]+)?module|network|limit|contract|reach|test)"
+    r"|(?:failsafe[ \t]+)?module|network|limit|contract|reach|assume|test)"
     r"(?:[ \t]+[A-Za-z_\"{]|[ \t]*[{\"]))",
     re.MULTILINE,
 )
@@ -124,7 +124,7 @@ CONTEXTUAL_KEYWORDS = frozenset(
     "ROBOT FRAME JITTER SENSOR ACTUATOR RANGE DEFAULT WITHIN FROM TO IDLE ON_LOSS STOP DEGRADE ENUM "
     "IMPORT AS PARAM LET STATE NEXT MACHINE START WHEN MODULE DO PYTHON READS COMMANDS RATE "
     "NETWORK LIMIT CONTRACT TEST AT EVERY GIVEN EXPECT FOR ACTIVE COMMANDED LANGUAGE FAILSAFE TAKEN "
-    "AGO INPUT BEARING STEP TIME REACH TUNABLE SEQUENCE UNTIL KEEP RESTART REQUIREMENT".split()
+    "AGO INPUT BEARING STEP TIME REACH TUNABLE SEQUENCE UNTIL KEEP RESTART REQUIREMENT ASSUME".split()
 )
 """Contextual keywords (except `any`, which is used where phase names are)."""
 

@@ -24,7 +24,7 @@ RESERVED = frozenset(
 DECLARATION_STARTS = frozenset(
     (
         "ROBOT ENUM IMPORT INPUT TUNABLE PARAM LET STATE NEXT MACHINE SEQUENCE FAILSAFE MODULE NETWORK LIMIT "
-        "CONTRACT REACH TEST"
+        "CONTRACT REACH ASSUME TEST"
     ).split()
 )
 _KEYWORDS = frozenset(name.lower() for name in DECLARATION_STARTS) | {"when", "do"}

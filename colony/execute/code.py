@@ -312,13 +312,15 @@ class ContractCode:
     """A contract, broken in a frame in which `holds` is false: it is false or unknown.
 
     `unsimplified` is the same condition, computed with the guards before simplification. `in_time` says which
-    frames are excused; None for a contract that is not `in time`.
+    frames are excused; None for a contract that is not `in time`. One that is `assumed` is an assumption:
+    if it is broken, the program has not failed.
     """
 
     name: str
     holds: int
     unsimplified: int
     in_time: InTime | None = None
+    assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

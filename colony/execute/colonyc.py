@@ -109,7 +109,7 @@ def from_shape(value: Any, span: Callable[[SpanShape], Span]) -> Any:
 
 # --- colonyc ------------------------------------------------------------------------------------------
 
-VERSION = 9
+VERSION = 10
 """Version of the format. Shapes derive from data classes: increment it with each change of one."""
 
 SUFFIX = ".colonyc"

@@ -94,6 +94,7 @@ class Summary:
         contacts_per_run: the number of contacts of a run.
         stuck: the runs in which the robot was stuck; None if no run was long enough.
         broken: the runs in which a contract was broken, by contract.
+        assumptions: the runs in which an assumption was broken, by assumption.
         off_map: the runs in which the robot left the known cells of the map.
         arrived: the runs that arrived at their goal; None if there was none.
         distance_m: the distance of a run.
@@ -112,6 +113,7 @@ class Summary:
     contacts_per_run: Mean
     stuck: Proportion | None
     broken: dict[str, Proportion]
+    assumptions: dict[str, Proportion]
     off_map: Proportion
     arrived: Proportion | None
     distance_m: Mean
@@ -134,6 +136,7 @@ def summary_of(label: str, results: Sequence[TrialResult]) -> Summary:
     """Return the summary of at least one result of a behavior."""
     frames = sum(r.frames for r in results) or 1
     broken = Counter(name for r in results for name in r.breaches)
+    assumptions = Counter(name for r in results for name in r.assumptions)
     worst = sorted(filter(_badness, results), key=_badness, reverse=True)[:WORST]
     return Summary(
         label=label,
@@ -141,6 +144,7 @@ def summary_of(label: str, results: Sequence[TrialResult]) -> Summary:
         contacts_per_run=mean_of([r.contacts for r in results]),
         stuck=_stuck(results),
         broken={name: wilson(count, len(results)) for name, count in sorted(broken.items())},
+        assumptions={name: wilson(count, len(results)) for name, count in sorted(assumptions.items())},
         off_map=_proportion(results, lambda r: r.off_map_s > 0.0),
         arrived=_proportion(results, lambda r: r.arrived == 1) if results[0].arrived >= 0 else None,
         distance_m=mean_of([r.distance_mm / 1000.0 for r in results]),
@@ -220,10 +224,7 @@ def _rows(summary: Summary) -> Iterator[tuple[str, str]]:
     yield "stuck", not_measured if summary.stuck is None else proportion_text(summary.stuck)
     if summary.off_map.cases:
         yield "off the map", proportion_text(summary.off_map)
-    for name, broken in summary.broken.items():
-        yield f"contract {name}", f"BROKEN in {proportion_text(broken)}"
-    if not summary.broken:
-        yield "contracts", "held in every frame"
+    yield from _breaches(summary)
     yield "distance of a run in m", mean_text(summary.distance_m, 2)
     if summary.duration_s.least != summary.duration_s.greatest:
         yield "duration of a run in s", mean_text(summary.duration_s, 1)
@@ -278,6 +279,15 @@ def _by_param(experiment: Experiment, results: Sequence[TrialResult]) -> Iterato
                 figures.append(f"{contract} broken {proportion_text(broken)}")
             lines.append(f"    {low:.4g} to {high:.4g}{unit}: {', '.join(figures)}, {distance.mean:.2f} m")
         yield "\n".join(lines)
+
+
+def _breaches(summary: Summary) -> Iterator[tuple[str, str]]:
+    for name, broken in summary.broken.items():
+        yield f"contract {name}", f"BROKEN in {proportion_text(broken)}"
+    for name, broken in summary.assumptions.items():
+        yield f"assumption {name}", f"broken in {proportion_text(broken)}"
+    if not summary.broken:
+        yield "contracts", "held in every frame"
 
 
 # --- comparison ----------------------------------------------------------------------------------

@@ -126,7 +126,7 @@ def _value(kind: Any, cell: Any) -> object:
 
 # --- results ------------------------------------------------------------------------------------------
 
-VERSION = 1
+VERSION = 2
 
 
 class RunKey(NamedTuple):

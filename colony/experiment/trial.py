@@ -46,6 +46,7 @@ class TrialResult:
         shares: the part of the frames in which each module commanded, by `actuator/module`.
         limits: the number of frames in which a limit cut a command, by `actuator.field`.
         breaches: the time in s at which a contract was broken first, by contract.
+        assumptions: likewise of what the program assumes.
         remark: the first report of a device or module, or a difference between the runtime and the program.
         difference: the first frame that the reference interpreter decided differently; "" for none.
         audited: the number of frames that the reference interpreter decided.
@@ -67,6 +68,7 @@ class TrialResult:
     shares: Mapping[str, float]
     limits: Mapping[str, int]
     breaches: Mapping[str, float]
+    assumptions: Mapping[str, float]
     remark: str
     difference: str
     audited: int
@@ -85,7 +87,8 @@ TRIALS = ResultTable(
     columns=(
         *KEY_COLUMNS,
         *("movers", "params", "frames", "duration_s", "contacts", "distance_mm", "stay_s", "off_map_s"),
-        *("arrived", "blind", "shares", "limits", "breaches", "remark", "difference", "audited"),
+        *("arrived", "blind", "shares", "limits", "breaches", "assumptions", "remark"),
+        *("difference", "audited"),
         *("path", "places"),
     ),
 )
@@ -153,7 +156,8 @@ def _result(
             for share in actuator.shares
         },
         limits={r.subject: r.frames for r in summary.records if r.kind == "limited"},
-        breaches={breach.contract: breach.first_s for breach in summary.breaches},
+        breaches={breach.contract: breach.first_s for breach in summary.broken_contracts},
+        assumptions={breach.contract: breach.first_s for breach in summary.breaches if breach.assumed},
         remark=next(iter([*summary.disagreements, *reports]), ""),
         difference=difference,
         audited=audited,

@@ -243,6 +243,15 @@ def is_regular(robot: Robot, times_ns: Iterable[int]) -> bool:
     return all(shortest <= gap and (longest is None or gap <= longest) for gap in gaps)
 
 
+REGULAR = "frames.regular"
+"""Name of the contract about the times of frames, which no file can declare."""
+
+
+def assumptions(program: Program) -> tuple[Contract, ...]:
+    """Return what the files of a program assume of the world, as contracts that runs watch."""
+    return tuple(c for c in program.contracts if c.is_assumption)
+
+
 def without_assumed(program: Program) -> Program:
     """Return the program without the contracts that are assumed of the world."""
     required = tuple(c for c in program.contracts if not c.assumed)
@@ -444,6 +453,7 @@ class Contract(Declared):
     """A contract: it must be true in every frame in which nothing that it reads is missing.
 
     One that is `assumed` is about the world: proofs take it for granted, and it is watched in runs alone.
+    `assuming` names the assumptions that stand before `expression`: where one was broken, it is true.
     One `in_time` is about frames in which no client is late or lost (see `ir.walk`). The contract of a
     `reach` is that no run gets to where it leads, with every client in time: it is to be refuted.
     `requirements` are the ids of those that it belongs to.
@@ -453,7 +463,13 @@ class Contract(Declared):
     assumed: bool = False
     in_time: bool = False
     reach: bool = False
+    assuming: tuple[str, ...] = ()
     requirements: tuple[str, ...] = field(default=(), compare=False)
+
+    @property
+    def is_assumption(self) -> bool:
+        """True for one that a file declares by `assume`."""
+        return self.assumed and self.name != REGULAR
 
 
 @record

@@ -110,6 +110,9 @@ def _run(robot: str, run: RunStatus, acting: Mapping[str, str]) -> Diagnosis:
     if run.disagreements:
         errors.append(f"{run.disagreements} frames disagree with the program")
     warnings = [f"{address} is late" for address in late]
+    warnings += [
+        f"the assumption `{name}` was broken in {count} frames" for name, count in run.assumptions.items()
+    ]
     warnings += [f"`{sensor}` has a value of the wrong type" for sensor in run.faults]
     values = {"run": run.run, "program": run.file, "params": run.params, "frame": str(run.k)}
     values |= {f"{name} is commanded by": by for name, by in acting.items()}

@@ -107,6 +107,8 @@ CODES: dict[str, str] = {
     "V013": "a contract is not proved any more with the params of a site",
     "V014": "a contract is proved only over real numbers",
     "V015": "no run reaches what a `reach` declares",
+    "V016": "no run meets what is assumed",
+    "V017": "an assumption is always true",
     "V020": "a module can never get through",
     "V021": "a predicate is never true",
     "V022": "a predicate is always true",

@@ -190,7 +190,7 @@ def scene_of(
             for a in program.robot.actuators
         ),
         modules=tuple(m.name for m in program.modules),
-        contracts=tuple(c.name for c in program.contracts),
+        contracts=tuple(f"{c.name} (assumption)" if c.is_assumption else c.name for c in program.contracts),
         states=tuple(map(_state, shown_states(program))),
         network=to_live_svg(network),
         nodes=tuple(map(_node_kind, network.nodes)),

@@ -37,6 +37,7 @@ enum {enum} {{ {enumerator} = 1, second = 2 }}
 param {param} = 3 mm
 let {let} = {sensor} + {param} + {param} * 2
 let {function}({parameter} : mm, {other} : mm = 3 mm) = {parameter} + {other}
+let {broken}({parameter} : bool) = not {parameter}
 let called = {function}({sensor}, {other} = {let})
 state {state} = 0
 next {state} = {state} + 1
@@ -58,6 +59,8 @@ sequence {sequence} when b {{
   out = {derived}({own_param} = 2) until b within 1 s else {end}
   back = {module} until value_or(b, true)
 }}
+assume {assume}: {let} < {param}
+let breach = broken({assume}) or {broken}(b)
 let over = {sequence} == {sequence}.{end}
 module template {{
   input {input} : mm

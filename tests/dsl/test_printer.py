@@ -69,6 +69,7 @@ module d = a.m(q = 2, r = 3 s)
 network { w = (x suppresses[1.5 s] y) inhibits z inhibits[2 s] d  lamp = w }
 limit lamp.level >= 0 when s[0] > 0
 contract dim in time: lamp.level <= 1 mm/s
+assume lit: value_or(s[0] > 0, true) and not broken(a.w)
 reach dark: lamp.level < 1 mm/s implies not lamp.on
 test "t" {
   at 0 s

@@ -93,6 +93,7 @@ SHAPES = {
     7: "2fad90c17ec07d59",
     8: "63414573be491d21",
     9: "7bcfa7e851681880",
+    10: "9dc14a99224f1020",
 }
 """For each version of the format, the digest of the data classes that it is made of."""
 

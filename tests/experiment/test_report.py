@@ -24,6 +24,7 @@ GOOD = TrialResult(
     shares={"drive/avoid": 0.25, "drive/(nobody)": 0.75, "lift/(nobody)": 1.0},
     limits={},
     breaches={},
+    assumptions={},
     remark="",
     difference="",
     audited=0,
@@ -60,6 +61,15 @@ def test_summary_counts_runs_and_frames() -> None:
 def test_summary_of_runs_with_a_goal_counts_arrivals() -> None:
     found = summary_of("one", [result(1, arrived=1, stay_s=60.0), result(2, arrived=0)])
     assert (found.arrived.cases, found.stuck.cases, found.worst) == (1, 0, (2,))
+
+
+def test_broken_assumptions_are_counted_and_fail_nothing() -> None:
+    results = [result(1, assumptions={"apart": 2.0}), result(2)]
+    found = summary_of("one", results)
+    assert (found.assumptions["apart"].cases, found.broken, found.failed) == (1, {}, False)
+    text = text_of(replace(PLAIN, programs=PLAIN.programs[:1]), results)
+    assert "assumption apart" in text
+    assert "broken in 1 of 2 runs" in text
 
 
 def test_summary_of_short_runs_does_not_say_how_often_robots_are_stuck() -> None:

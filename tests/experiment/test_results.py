@@ -105,7 +105,7 @@ def test_a_file_of_something_else_is_refused_and_left_alone(tmp_path: Path) -> N
         "UPDATE measured SET path = x'010203'",
         "UPDATE measured SET width = 'wide'",
         "UPDATE measured SET error_mm = 'far'",
-        "PRAGMA user_version = 2",
+        "PRAGMA user_version = 3",
     ],
 )
 def test_results_of_a_changed_file_are_refused(change: str, tmp_path: Path) -> None:

@@ -120,6 +120,7 @@ def client(standing: Any) -> ClientStanding:
         ({"clients": (client("late"),)}, WARN, "drive/turn is late"),
         ({"faults": ("battery",)}, WARN, "`battery` has a value of the wrong type"),
         ({"clients": (client("lost"),)}, ERROR, "drive/turn is lost"),
+        ({"assumptions": {"slow": 3}}, WARN, "the assumption `slow` was broken in 3 frames"),
         ({"broken": {"clear": 3}}, ERROR, "the contract `clear` was broken in 3 frames"),
         ({"disagreements": 2}, ERROR, "2 frames disagree with the program"),
     ],

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.sampling import sampled
+from tools.assumed_programs import check as assumed
 from tools.drawn_programs import executors, outlined, verdicts
 
 
@@ -24,4 +25,11 @@ def test_proofs_hold_for_all_values_of_tunable_params(seed: int) -> None:
 @pytest.mark.parametrize("seed", sampled(range(40), every=5, thorough=True))
 def test_functions_and_inputs_change_nothing(seed: int) -> None:
     _, findings = outlined(seed)
+    assert not findings
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seed", sampled(range(40), every=10, thorough=True))
+def test_proofs_hold_up_to_a_broken_assumption(seed: int) -> None:
+    _, findings = assumed(seed)
     assert not findings

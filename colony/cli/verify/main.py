@@ -114,15 +114,16 @@ def command(
     while every client is in time; V012 is a note about the other runs), over reals (proved where no float
     rounds, and no run was found that breaks it), REFUTED by a run, which is shown, or unknown for a stated
     reason. "(operators too)": also proved while a joystick or a script commands within the limits; "(without
-    operators)": a command may break the contract, as --why shows, or no proof was found. A `reach` is reached
-    by the run that is shown, NEVER REACHED if it is proved that no run gets there, over reals or unknown.
+    operators)": a command may break the contract, as --why shows, or no proof was found; "(assuming A)": the
+    proof rests on `assume A`. A `reach` is reached by the run that is shown, NEVER REACHED if it is proved
+    that no run gets there, over reals or unknown.
     Warnings about modules that can never act, and about other likely mistakes, follow. The proofs allow
     modules in Python any answer.
 
     Exit code: 0 if nothing is refuted (warnings and notes are allowed), 1 if a contract is refuted or a reach
     never reached (with --strict also if one is unknown or over reals), a file has errors, an index that
-    decides may be outside its array, or limits contradict each other on `idle hold`, 2 if a file cannot be
-    read.
+    decides may be outside its array, no run meets the assumptions, or limits contradict each other on
+    `idle hold`, 2 if a file cannot be read.
 
     \b
     Example:

@@ -152,7 +152,10 @@ _LINT_FACTOR = 2
 
 @dataclass(slots=True, frozen=False)
 class Verified:
-    """The results for a file so far. Mutable."""
+    """The results for a file so far. Mutable.
+
+    `program` is without what it assumes, `checked` the whole.
+    """
 
     file: str
     program: Program | None
@@ -162,6 +165,7 @@ class Verified:
     report: DifferentialReport | None = None
     undecided_questions: int = 0  # questions about modules that can never act
     writes_tests: bool = False
+    checked: Program | None = None
 
     @property
     def suggested_file(self) -> str | None:
@@ -204,7 +208,8 @@ def load(file: str, *, write_test: bool) -> Verified:
         return Verified(file, None, list(checked.diagnostics))
     from colony.ir.program import without_assumed
 
-    return Verified(file, without_assumed(checked.program), [], writes_tests=write_test)
+    required = without_assumed(checked.program)
+    return Verified(file, required, [], writes_tests=write_test, checked=checked.program)
 
 
 @dataclass(slots=True, frozen=False)
@@ -234,15 +239,16 @@ class Work:
 
     def run(self, verified: Verified, on_progress: ReportProgress) -> Iterator[Result]:
         """Do all of the work on a file, and yield the result of each contract when it is known."""
-        if verified.program is None:
+        if verified.program is None or verified.checked is None:
             return
         from colony.verify.contracts.kept import ProofCache, cache_folder
         from colony.verify.contracts.results import ProofOptions, with_reaches
         from colony.verify.contracts.solver import Deadline
 
-        program, seconds = with_reaches(verified.program), self.timeout or DEFAULT_SECONDS
+        program, seconds = with_reaches(verified.checked), self.timeout or DEFAULT_SECONDS
         options = ProofOptions.within(seconds, depth=self.depth, in_all=self.timeout is not None)
-        names = [c.name for c in program.contracts if not self.names or c.name in self.names]
+        contracts = with_reaches(verified.program).contracts
+        names = [c.name for c in contracts if not self.names or c.name in self.names]
         cache = ProofCache(cache_folder(os.environ), program, options, names)
 
         def on_stage(stage: str) -> None:
@@ -250,6 +256,7 @@ class Work:
 
         proofs = _Proofs(program, names, options, cache, Deadline(options.total, on_stage))
         yield from self._contracts(verified, proofs, on_progress)
+        self._assumptions(verified, proofs)
         self._lints(verified, verified.program, proofs, on_progress)
         if self.examples:
             self._examples(verified, verified.program, on_progress)
@@ -282,6 +289,20 @@ class Work:
             count = len(verified.results)
             on_progress(count, len(names), names[count] if count < len(names) else "what can never act")
 
+    def _assumptions(self, verified: Verified, proofs: _Proofs) -> None:
+        """Look for assumptions that no run meets, or that are always true."""
+        from colony.ir.program import assumptions
+        from colony.verify.contracts.assumptions import doubtful_assumptions
+
+        if self.names or not assumptions(proofs.program):
+            return
+        known = proofs.cache.found("assumptions", list)
+        if known is None:
+            proofs.deadline.begin_stage("runs that meet the assumptions")
+            known = doubtful_assumptions(proofs.program, proofs.options, proofs.deadline)
+            proofs.cache.keep_found("assumptions", known)
+        verified.diagnostics += known
+
     def _lints(
         self, verified: Verified, program: Program, proofs: _Proofs, on_progress: ReportProgress
     ) -> None:
@@ -307,7 +328,11 @@ class Work:
 
     def _examples(self, verified: Verified, program: Program, on_progress: ReportProgress) -> None:
         from colony.cli.verify.examples import findings, reports
+        from colony.ir.program import assumptions
+        from colony.verify.contracts.assumptions import under
 
+        if verified.checked is not None:
+            program = under(verified.checked, [a.name for a in assumptions(verified.checked)])
         if self.names:
             selected = tuple(c for c in program.contracts if c.name in self.names)
             program = replace(program, contracts=selected)

@@ -512,6 +512,7 @@ class _Lowering(Declarations):
                     holds=holds,
                     unsimplified=holds,
                     in_time=in_time(self.program.robot, contract),
+                    assumed=contract.is_assumption,
                 )
             )
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from colony.dsl import ast
-from colony.dsl.check.checker import Checker, percent_hint, sent_field
+from colony.dsl.check.checker import CONSTANT_HINT, Checker, percent_hint, sent_field
 from colony.dsl.check.compatibility import freshness, reads_parts, unify, with_article, with_articles
 from colony.dsl.check.scope import (
     ArgumentSymbol,
+    AssumptionSymbol,
     BrokenSymbol,
     LetSymbol,
     PlaceholderSymbol,
@@ -354,6 +355,38 @@ def _fresh(checker: Checker, node: ast.CallNode) -> ir.Expression | None:
             return None
         case _:
             return None
+
+
+BROKEN = "broken"
+"""Name of the function of an assumption, unless a function of the program has it."""
+
+
+def check_broken(checker: Checker, node: ast.CallNode) -> ir.Expression | None:
+    """Check `broken(NAME)`: that an assumption is known to be false."""
+    argument = node.arguments[0] if len(node.arguments) == 1 and not node.named else None
+    if not isinstance(argument, ast.Reference):
+        message = "`broken` takes the name of one assumption"
+        checker.error("E203", node, message, "use: broken(NAME), for `assume NAME: ...`")
+        return None
+    scope, path = checker.scope.resolve(argument.path)
+    symbol = scope.value(path[0]) if len(path) == 1 and path[0] not in checker.local else None
+    if isinstance(symbol, AssumptionSymbol):
+        if checker.constants_only:
+            checker.error("E204", node, f"`{BROKEN}` is not constant", CONSTANT_HINT)
+            return None
+        span = checker.span(node)
+        held = held_assumption(symbol.name)
+        return ir.UnaryOperation(type=BOOL, operator=ir.Unary.NOT, operand=held, span=span)
+    if not isinstance(symbol, BrokenSymbol) and checker.visit(argument) is not None:
+        message = f"`{argument.text}` is no assumption"
+        checker.error("E202", argument, message, "only what is declared by `assume NAME: ...` can be broken")
+    return None
+
+
+def held_assumption(name: str) -> ir.Expression:
+    """Return the condition that an assumption, by its full name, is true or missing."""
+    value = ir.DerivedValue(type=BOOL, name=name)
+    return ir.ValueOr(type=BOOL, expression=value, other=ir.Constant(type=BOOL, value=True))
 
 
 def _value_or(checker: Checker, node: ast.CallNode) -> ir.Expression | None:

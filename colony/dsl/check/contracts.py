@@ -6,11 +6,13 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from colony.dsl import ast
+from colony.dsl.check.calls import held_assumption
 from colony.dsl.check.checker import Checker, sent_field
 from colony.dsl.check.compatibility import constant_value, with_article
 from colony.dsl.check.declare import RESTARTED
 from colony.dsl.check.references import actuator_named, is_before, report_unknown, role_read, role_sensor
 from colony.dsl.check.scope import (
+    AssumptionSymbol,
     BrokenSymbol,
     CheckReport,
     LetSymbol,
@@ -76,7 +78,18 @@ def check_limit(checker: Checker, node: ast.LimitDecl) -> ir.Limit | None:
 
 
 def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | None:
-    """Check a contract: a condition that must hold in every frame; or a `reach`, as one that never does."""
+    """Check a contract: a condition that must hold in every frame; or a `reach`, as one that never does.
+
+    That of an assumption is that the value of its name is true or missing.
+    """
+    if isinstance(node, ast.AssumeDecl):
+        symbol = checker.scope.values.get(node.name.text)
+        if not isinstance(symbol, AssumptionSymbol):
+            return None
+        expression = held_assumption(symbol.name)
+        return ir.Contract(
+            name=symbol.name, expression=expression, assumed=True, span=checker.span(node.name)
+        )
     contract_checker = replace(checker, in_contract_or_test=True)
     found = contract_checker.expect(node.expression, BOOL, f"a {node.keyword}")
     if found is None:
@@ -97,10 +110,6 @@ def _never(condition: Expression) -> Expression:
     return UnaryOperation(type=BOOL, operator=Unary.NOT, operand=known)
 
 
-REGULAR = "frames.regular"
-"""Name of the contract about the times of frames, which no file can declare."""
-
-
 def frames_are_regular(robot: ir.Robot, new_cell: Callable[[], int]) -> ir.Contract:
     """Return the contract that the frames of a robot come at its period, as closely as it says.
 
@@ -118,7 +127,7 @@ def frames_are_regular(robot: ir.Robot, new_cell: Callable[[], int]) -> ir.Contr
     shortest = seconds(robot.frame_ns - robot.jitter_ns - 1)
     longest = seconds(robot.frame_ns + robot.jitter_ns + 1)
     within = Within(type=BOOL, operand=gap, low=shortest, high=longest)
-    return ir.Contract(name=REGULAR, expression=within, span=robot.span, assumed=True)
+    return ir.Contract(name=ir.REGULAR, expression=within, span=robot.span, assumed=True)
 
 
 def check_test(checker: Checker, node: ast.TestDecl) -> ir.Example | None:

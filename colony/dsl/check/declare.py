@@ -74,6 +74,7 @@ def _declared_names(scope: FileScope) -> Iterator[ast.NameNode]:
                 | ast.StateDecl()
                 | ast.MachineDecl()
                 | ast.SequenceDecl()
+                | ast.AssumeDecl()
                 | ast.DerivedModuleDecl()
             ):
                 yield node.name
@@ -92,6 +93,7 @@ VALUE_DECLARATIONS = (
     ast.StateDecl,
     ast.MachineDecl,
     ast.SequenceDecl,
+    ast.AssumeDecl,
 )
 MODULE_DECLARATIONS = (ast.ModuleDecl, ast.DerivedModuleDecl, ast.PythonModuleDecl)
 ModuleNode = ast.ModuleDecl | ast.DerivedModuleDecl | ast.PythonModuleDecl

@@ -14,8 +14,10 @@ from typing import assert_never
 
 from colony.dsl import ast
 from colony.dsl.check.calls import (
+    BROKEN,
     FOREIGN_FUNCTIONS,
     FUNCTION_NAMES,
+    check_broken,
     check_call,
     reject_named_arguments,
 )
@@ -52,6 +54,8 @@ def check_any_call(checker: Checker, node: ast.CallNode) -> ir.Expression | None
     name = node.function.text
     if name in FUNCTION_NAMES:
         return None if reject_named_arguments(checker, node) else check_call(checker, node)
+    if name == BROKEN and BROKEN not in checker.local and checker.scope.value(BROKEN) is None:
+        return check_broken(checker, node)
     symbol = _function_called(checker, node)
     if not isinstance(symbol, FunctionSymbol):
         checker.report.size.is_broken = True

@@ -109,6 +109,16 @@ def check_let(checker: Checker, node: ast.LetDecl, name: str) -> ir.Let | None:
     return None if found is None else ir.Let(name=name, expression=found, span=checker.span(node.name))
 
 
+def check_assumption(checker: Checker, node: ast.AssumeDecl) -> ir.Let | None:
+    """Check an assumption as the let that it is: a bool, missing where something that it reads is missing."""
+    found = checker.expect(node.expression, BOOL, "an assumption")
+    if found is None:
+        return None
+    return ir.Let(
+        name=checker.scope.full_name(node.name.text), expression=found, span=checker.span(node.name)
+    )
+
+
 def check_state(checker: Checker, node: ast.StateDecl) -> tuple[Scalar, ScalarValue] | None:
     """Return the type and initial value of a state; without a declared type, it has that of the value."""
     expected_type: Scalar | None = None

@@ -18,6 +18,7 @@ from colony.dsl.check.declare import MODULE_DECLARATIONS, declare_names, modules
 from colony.dsl.check.expressions import ExpressionChecker
 from colony.dsl.check.functions import declare_function
 from colony.dsl.check.inputs import (
+    check_assumption,
     check_let,
     check_machine,
     check_nexts,
@@ -32,6 +33,7 @@ from colony.dsl.check.phases import phase_findings
 from colony.dsl.check.references import role_sensor
 from colony.dsl.check.robot import check_enum, check_input, check_robot, literal_frame_period
 from colony.dsl.check.scope import (
+    AssumptionSymbol,
     BrokenSymbol,
     CheckReport,
     EnumSymbol,
@@ -122,7 +124,7 @@ class _Check:
             or None in tests
             or len(contracts) < self._count(ast.ContractDecl)
             or len(modules) + len(checked.templates) < self._count(*MODULE_DECLARATIONS)
-            or len(derived) < self._count(ast.LetDecl, ast.StateDecl, ast.MachineDecl)
+            or len(derived) < self._count(ast.LetDecl, ast.AssumeDecl, ast.StateDecl, ast.MachineDecl)
         ), "a declaration was left out without an error"
         derived = self._with_inputs(derived, checked.input_lets)
         self._warn_unused(robot, modules, wires)
@@ -221,6 +223,12 @@ class _Check:
         for node in scope.file.tree.declarations:
             if isinstance(node, ast.FunctionDecl):
                 scope.values.setdefault(node.name.text, declare_function(checker, node, {}))
+            elif isinstance(node, ast.AssumeDecl):
+                assumption = check_assumption(checker, node)
+                symbol = AssumptionSymbol(name=assumption.name) if assumption else BrokenSymbol()
+                scope.values.setdefault(node.name.text, symbol)
+                if assumption is not None:
+                    yield assumption
             elif isinstance(node, ast.LetDecl):
                 let = check_let(checker, node, scope.full_name(node.name.text))
                 scope.values.setdefault(node.name.text, let_symbol(let) if let else BrokenSymbol())
@@ -310,16 +318,20 @@ class _Check:
     def _contracts(self, robot: ir.Robot | None) -> list[ir.Contract]:
         contracts: dict[str, ir.Contract] = {}
         names: dict[str, Label] = {}
+        assumed = set[str]()
         if robot is not None and robot.jitter_ns is not None:
             regular = frames_are_regular(robot, self.report.new_cell)
             contracts[regular.name] = regular
         for checker, node in self._each(ast.ContractDecl):
             full_name = checker.scope.full_name(node.name.text)
             if full_name in names:
+                if isinstance(node, ast.AssumeDecl) and full_name in assumed:
+                    continue  # which was reported as a value
                 message = f"{node.keyword} `{full_name}` is declared twice"
                 checker.error("E102", node.name, message, None, names[full_name])
                 continue
             names[full_name] = checker.label(node.name)
+            assumed |= {full_name} if isinstance(node, ast.AssumeDecl) else set()
             found = check_contract(checker, node)
             if found is not None:
                 contracts[full_name] = found

@@ -20,6 +20,7 @@ from colony.dsl.check.declare import RESTARTED
 from colony.dsl.check.scope import (
     ActuatorSymbol,
     ArgumentSymbol,
+    AssumptionSymbol,
     BrokenSymbol,
     EnumSymbol,
     FileScope,
@@ -136,6 +137,10 @@ def _value(checker: Checker, node: ast.Reference, symbol: ValueSymbol) -> ir.Exp
         case FunctionSymbol(parameters=parameters):
             call = f"{node.text}({', '.join(p.name for p in parameters)})"
             checker.error("E106", node, f"`{node.text}` is a function, not a value", f"call it: `{call}`")
+            return None
+        case AssumptionSymbol():
+            message = f"`{node.text}` is an assumption, not a value"
+            checker.error("E106", node, message, f"ask whether it is broken: `broken({node.text})`")
             return None
         case EnumSymbol(type=enum):
             example = f"{node.text}.{enum.members[0][0]}"

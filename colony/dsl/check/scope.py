@@ -214,6 +214,13 @@ class MachineSymbol(Record):
 
 
 @record
+class AssumptionSymbol(Record):
+    """An assumption by its full name, which only `broken(NAME)` reads."""
+
+    name: str
+
+
+@record
 class PlaceholderSymbol(Record):
     """A parameter where its function is declared: only its type is known."""
 
@@ -303,6 +310,7 @@ ValueSymbol = (
     | PlaceholderSymbol
     | ArgumentSymbol
     | FunctionSymbol
+    | AssumptionSymbol
     | BrokenSymbol
 )
 

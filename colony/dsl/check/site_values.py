@@ -214,6 +214,7 @@ _KINDS: Mapping[type, str] = {
     ast.FunctionDecl: "a function",
     ast.InputDecl: "an input",
     ast.ContractDecl: "a contract",
+    ast.AssumeDecl: "an assumption",
 }
 
 

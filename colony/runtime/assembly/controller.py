@@ -28,6 +28,8 @@ def unjudged(program: Program, actuators: Iterable[str]) -> dict[str, str]:
     """
     heard, found = frozenset(actuators), dict[str, str]()
     for contract in program.contracts:
+        if contract.is_assumption:
+            continue  # which is about the world
         parts = (e for e in subexpressions(contract.expression) if isinstance(e, WonBy | IsActive))
         named = next((f"`{e.module if isinstance(e, WonBy) else e.name}`" for e in parts), None)
         silent = [a for a in actuators_named(contract.expression) if a not in heard]
@@ -52,7 +54,7 @@ class Controller:
     ) -> None:
         self.bindings = tuple(bindings)
         self._actuators = {a.name: a for a in compiled.robot.actuators}
-        self._unjudged = frozenset(unjudged)
+        self._unjudged = frozenset(unjudged) | {c.name for c in compiled.contracts if c.assumed}
         self._executor = ProgramExecutor(compiled, simplified=False, answers_given=True)
 
     def restart(self) -> None:

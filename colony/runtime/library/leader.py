@@ -39,7 +39,8 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     commanded each actuator in the newest frame, None if none did. `disagreements` counts the frames in which
     the runtime deviated from the program: it should be 0. `params` is the file with the params
     that a site set, "" for none. `faults` are the sensors with a value of the wrong type in the newest frame.
-    `broken` counts the frames in which each contract was broken, of those that were. `site` has the values of
+    `broken` counts the frames in which each contract was broken, of those that were; `assumptions`
+    likewise of what the program assumes. `site` has the values of
     the params that a site set, as the language writes them.
     `still` says why nothing moves, "" while something does.
     """
@@ -58,6 +59,7 @@ class RunStatus(msgspec.Struct, frozen=True, kw_only=True):
     params: str = ""
     faults: tuple[str, ...] = ()
     broken: dict[str, int] = {}
+    assumptions: dict[str, int] = {}
     site: dict[str, str] = {}
     still: str = ""
 

@@ -117,7 +117,7 @@ class ControllerComparison:
         unjudged: Mapping[str, str],
         tolerance: float = DEFAULT_TOLERANCE,
     ) -> None:
-        self._contracts = tuple(c.name for c in compiled.contracts)
+        self._contracts = tuple(c.name for c in compiled.contracts if not c.assumed)
         self._topics, self._unjudged = topics, unjudged
         self._actuators = {
             a.name: _Compared(a, compiled.clients_by_actuator[a.name], tolerance)

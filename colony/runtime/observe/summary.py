@@ -53,12 +53,16 @@ class ActuatorSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BreachSummary:
-    """A contract that was broken in `frames` frames, and the times of the first and last of these."""
+    """A contract that was broken in `frames` frames, and the times of the first and last of these.
+
+    One that is `assumed` is an assumption about the world, not a failure of the program.
+    """
 
     contract: str
     frames: int
     first_s: float
     last_s: float
+    assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +153,7 @@ class ParamsSummary:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunSummary:
-    """Summary of one run; `contracts` is the number of contracts of the program.
+    """Summary of one run; `contracts` is the number of contracts of the program, without its assumptions.
 
     `broke_off` is the reason why the run ended early, although no user interrupted it. `unwritten` are files
     that could not be written after the run.
@@ -196,7 +200,17 @@ class RunSummary:
     @property
     def succeeded(self) -> bool:
         """True if no contract was broken, the runtime followed the program, and the run did not break off."""
-        return not self.breaches and not self.disagreements and self.broke_off is None
+        return not self.broken_contracts and not self.disagreements and self.broke_off is None
+
+    @property
+    def broken_contracts(self) -> tuple[BreachSummary, ...]:
+        """The breaches without those of assumptions."""
+        return tuple(b for b in self.breaches if not b.assumed)
+
+
+def breach_text(name: str, *, assumed: bool) -> str:
+    """Return that a contract was BROKEN, or an assumption broken."""
+    return f"assumption {name}: broken" if assumed else f"contract {name}: BROKEN"
 
 
 _REPORTED_FATES: tuple[Fate, ...] = ("late", "lost", "refused", "overruled")
@@ -215,6 +229,7 @@ class Tally:
         self._interventions: Counter[tuple[str, str | None, Hold | None]] = Counter()
         self._unlimited: Counter[tuple[str, str | None, Hold | None]] = Counter()
         self._breaches: dict[str, BreachSummary] = {}
+        self._assumed = {c.name for c in compiled.contracts if c.assumed}
         self._disagreements: list[str] = []
         self.frames = 0
         self._restarts = 0
@@ -243,6 +258,7 @@ class Tally:
                 frames=previous.frames + 1 if previous else 1,
                 first_s=previous.first_s if previous else t,
                 last_s=t,
+                assumed=contract in self._assumed,
             )
         if log.disagreements and len(self._disagreements) < _MAX_DISAGREEMENTS:
             self._disagreements.extend(f"at {t:.10g} s, {text}" for text in log.disagreements)
@@ -264,7 +280,7 @@ class Tally:
             distance_mm=None if travel is None else travel.distance_mm,
             mean_speed_mm_s=None if travel is None else _mean_speed(travel.distance_mm, duration_s),
             actuators=tuple(self._actuator(a) for a in self._clients_by_actuator),
-            contracts=len(self._compiled.contracts),
+            contracts=len(self._compiled.contracts) - len(self._assumed),
             breaches=tuple(self._breaches.values()),
             records=tuple(
                 RecordSummary(kind=kind, subject=subject, frames=n)
@@ -367,11 +383,11 @@ def render(summary: RunSummary) -> str:
     if summary.unknown:
         lines.append(f"  {counted(summary.unknown, 'frame')} not checked: memory was unknown")
     lines += [
-        f"  contract {b.contract}: BROKEN in {counted(b.frames, 'frame')}, "
+        f"  {breach_text(b.contract, assumed=b.assumed)} in {counted(b.frames, 'frame')}, "
         f"first at {b.first_s:.10g} s, last at {b.last_s:.10g} s"
         for b in summary.breaches
     ]
-    if summary.contracts and summary.frames and not (summary.breaches or summary.unknown):
+    if summary.contracts and summary.frames and not (summary.broken_contracts or summary.unknown):
         lines.append(f"  {counted(summary.contracts, 'contract')} held in every frame")
     lines += [f"  INTERNAL: {text}" for text in summary.disagreements]
     lines += [] if summary.broke_off is None else [f"  {summary.broke_off}"]

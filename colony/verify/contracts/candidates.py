@@ -26,6 +26,9 @@ _MAX_PAIRS = 300
 _MAX_BOUNDS = 16
 _SMALL = 2**48  # sums of up to 32 such numbers are exact
 
+HELD = "assumptions held"
+"""Name of the state that all assumptions held in the frames before; names of the language have no blanks."""
+
 
 @dataclass(frozen=True, slots=True)
 class Candidate:
@@ -52,7 +55,13 @@ def candidates(cone: Cone, claims: tuple[ContractFormula, ...]) -> tuple[Candida
         *_pairs_of_flags(system, cone, flags),
         *_pairs_of_numbers(numbers),
     )
-    return initially_true(cone, guesses)
+    held = next((c for c in flags if HELD in c.name), None)
+    return initially_true(cone, guesses if held is None else (_up_to_breach(held, g) for g in guesses))
+
+
+def _up_to_breach(held: SymbolicCell, guess: Candidate) -> Candidate:
+    """Return the guess that something holds while no assumption was broken, which contracts ask for alone."""
+    return Candidate(f"{guess.text} while assumptions hold", z3.Or(z3.Not(held.old), guess.formula))
 
 
 def initially_true(cone: Cone, guesses: Iterable[Candidate]) -> tuple[Candidate, ...]:

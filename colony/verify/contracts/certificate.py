@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import z3
 
+from colony.ir.program import Let
 from colony.ir.version import SEMANTICS
 from colony.text.wording import one_line
 from colony.verify.contracts.attempt import ProofContext, formula_text
@@ -48,12 +49,17 @@ def certificate(prover: ContractProver, proved: Proved | ProvedInTime, options: 
     None if z3 gave up on a query within the limits of `options`.
     """
     parts: list[_Part] = []
+    assumed: list[Let] = []
     for context, disturbance in prover.proof_contexts(proved):
         part = _Part(context, proved.contract.name, disturbance, options)
         if not part.find_queries():
             return None
         parts.append(part)
-    return "".join(f"{line}\n" for line in (*_header(proved, parts), *(x for p in parts for x in p.lines())))
+        derived = context.system.program.derived
+        assumed = [d for d in derived if isinstance(d, Let) and d.name in proved.contract.assuming]
+    return "".join(
+        f"{line}\n" for line in (*_header(proved, parts, assumed), *(x for p in parts for x in p.lines()))
+    )
 
 
 class _Item(NamedTuple):
@@ -248,11 +254,12 @@ def _text(item: _Item) -> str:
     return item.name if item.is_contract else f"{item.name}, {one_line(item.text)}"
 
 
-def _header(proved: Proved | ProvedInTime, parts: Sequence[_Part]) -> Iterator[str]:
+def _header(proved: Proved | ProvedInTime, parts: Sequence[_Part], assumed: Sequence[Let]) -> Iterator[str]:
     """Yield what a certificate states, and what it leaves to be believed."""
     contract = proved.contract
     yield f"; Certificate (colony, semantics {SEMANTICS}): the contract holds in each frame of these runs."
     yield f";   contract {contract.name}: {one_line(contract.expression.span.text)}"
+    yield from (f";   assuming {a.name}: {one_line(a.expression.span.text)}" for a in assumed)
     yield "; The answer to every query must be `unsat`: z3 FILE, or cvc5 --incremental FILE."
     yield "; To be believed: the formulas are those of the program, and so are ranges of numbers that decided"
     yield "; parts of them; what they leave out changes nothing."

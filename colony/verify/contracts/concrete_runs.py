@@ -334,7 +334,7 @@ class LongRuns:
         program = with_stand_ins(self._program)
         runs = GeneratedRuns(program)
         count = max(2, int(_LONG_RUNS * min(1, _SMALL_CODE / runs.size)))
-        for snapshots in (*self._tests(), *(_long_run(program, i) for i in range(count))):
+        for snapshots in (*self._tests(), *(long_run(program, i) for i in range(count))):
             seen = set[str]()
             for i, outcome in enumerate(runs.outcomes(snapshots), 1):
                 for name in set(outcome.breaches) - seen:
@@ -351,7 +351,7 @@ class LongRuns:
 # --- long runs -----------------------------------------------------------------------------------
 
 
-def _long_run(program: Program, number: int) -> tuple[Snapshot, ...]:
+def long_run(program: Program, number: int) -> tuple[Snapshot, ...]:
     """Return a run in which each sensor follows a signal of its own: constant, or in steps."""
     sensors = [s for s in program.robot.sensors if s.sent is None and not is_stand_in(s)]
     signals = [(s.name, _signal(s, number)) for s in sensors]

@@ -19,6 +19,7 @@ from functools import cached_property
 from colony.ir import expression as ir
 from colony.ir.program import Contract, Program, modules_that_can_be_lost
 from colony.text.wording import counted
+from colony.verify.contracts.assumptions import under
 from colony.verify.contracts.attempt import Attempt, Proof, ProofContext
 from colony.verify.contracts.refute import Refuter
 from colony.verify.contracts.results import OverReals, ProofOptions, Proved, ProvedInTime, Trace, Unknown
@@ -153,6 +154,7 @@ def with_operator_runs(program: Program, proved: Proved) -> Proved:
     """
     if proved.contract.in_time:
         return proved
+    program = under(program, proved.contract.assuming)
     trace = Refuter(program, proved.contract.name).search_runs(Disturbance.OPERATORS)
     return replace(proved, operator_runs=() if trace is None else (trace,))
 

@@ -19,7 +19,7 @@ from typing import TypeVar
 from colony import verify
 from colony.files import keep_in_cache, read_from_cache, user_cache
 from colony.ir.expression import Constant
-from colony.ir.program import Contract, Program, without_assumed
+from colony.ir.program import Contract, Program, assumptions, without_assumed
 from colony.ir.types import BOOL
 from colony.ir.version import SEMANTICS
 from colony.verify.contracts.concrete_runs import Replay
@@ -75,8 +75,13 @@ class ProofCache:
     ) -> None:
         self._folder = folder
         self._program = program
+        self._options = options
         self._about = repr((_prover(), SEMANTICS, options))
         self._names = sorted(names)
+
+    def about(self, program: Program, names: Iterable[str]) -> ProofCache:
+        """Return what is known about another program in the same folder."""
+        return ProofCache(self._folder, program, self._options, names)
 
     @cached_property
     def _whole(self) -> str:
@@ -286,11 +291,14 @@ class _Prover:
         return {name: verdict_key(result) for name, result in found.items()}
 
     def prove(self, program: Program, names: Sequence[str]) -> dict[str, Result]:
-        """Return the results of contracts; the prover is loaded only if one is not known."""
-        program = without_assumed(program)
+        """Return the results of contracts; the prover is loaded only if one is not known.
+
+        A result without assumptions may not be the last word, if the program has any.
+        """
+        program = program if assumptions(program) else without_assumed(program)
         cache = ProofCache(self.folder, program, self.options, names)
         asked = [c for c in program.contracts if c.name in names]
-        known = cache.known(asked)
+        known = {} if assumptions(program) else cache.known(asked)
         return known if len(known) == len(asked) else dict(self._proved(program, list(names), cache))
 
     def _proved(self, program: Program, names: list[str], cache: ProofCache) -> Iterator[tuple[str, Result]]:

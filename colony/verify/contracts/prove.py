@@ -14,14 +14,15 @@ frame is tried in it first.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 
-from colony.ir.program import Contract, Program, without_assumed
+from colony.ir.program import Contract, Program, assumptions, without_assumed
+from colony.verify.contracts.assumptions import related, under
 from colony.verify.contracts.attempt import Attempt, Proof, ProofContext
 from colony.verify.contracts.candidates import Candidate, for_floats, invariants
-from colony.verify.contracts.concrete_runs import LongRuns, evaluations
+from colony.verify.contracts.concrete_runs import LongRuns, Replay, evaluations
 from colony.verify.contracts.disturbances import Confirmer, explain_unknown
 from colony.verify.contracts.kept import ProofCache
 from colony.verify.contracts.refute import Refuter
@@ -35,6 +36,7 @@ from colony.verify.contracts.results import (
     Result,
     Trace,
     Unknown,
+    rank,
 )
 from colony.verify.contracts.search import called_modules
 from colony.verify.contracts.slicing import slice_of
@@ -87,6 +89,81 @@ def results(
 ) -> Iterator[Result]:
     """Yield the result of each contract in `names`, as soon as it is known.
 
+    A contract that is not proved is tried with all assumptions of the program; a proof rests on as few of
+    them as were found. The arguments are those of `_results`.
+    """
+    required, world = without_assumed(program), [a.name for a in assumptions(program)]
+    if not world:
+        yield from _results(required, names, options, shapes, cache, on_result, deadline, parts_after)
+        return
+    deadline = Deadline() if deadline is None else deadline
+    own_cache = None if cache is None else cache.about(required, names)
+    proved, left = list[Result](), list[Result]()
+    later = parts_after + len(names)
+    for result in _results(required, names, options, shapes, own_cache, on_result, deadline, later):
+        (proved if isinstance(result, Proved) else left).append(result)
+        if isinstance(result, Proved):
+            yield result
+
+    def attempt(name: str, assuming: Collection[str], parts: int) -> tuple[ContractProver | None, Result]:
+        """Return the result of a contract under some assumptions, with its prover if it was not known."""
+        made, asked = under(program, assuming), [*(r.contract.name for r in proved), name]
+        own_cache = None if cache is None else cache.about(made, asked)
+        provers: list[ContractProver] = []
+        found = _results(
+            made, asked, options, None, own_cache, lambda p, _: provers.append(p), deadline, parts, proved
+        )
+        *_, result = (r for r in found if r.contract.name == name)
+        return (provers[-1] if provers else None), _explained(required, result)
+
+    for number, before in enumerate(left):
+        name, parts = before.contract.name, parts_after + len(left) - number - 1
+        prover, result = attempt(name, world, parts)
+        needed, candidates = world, [related(program, name), *([a] for a in world)]
+        for i, tried in enumerate(candidates if rank(result) > rank(before) else ()):
+            fewer = [a for a in needed if (a in tried if i == 0 else a not in tried)]
+            if len(fewer) == len(needed):
+                continue
+            with_fewer = attempt(name, fewer, parts)
+            if rank(with_fewer[1]) >= rank(result):
+                (prover, result), needed = with_fewer, fewer
+        if rank(before) and rank(result) <= rank(before):
+            result = before
+        elif prover is not None and on_result is not None:
+            on_result(prover, result)
+        yield result
+
+
+def _explained(program: Program, result: Result) -> Result:
+    """Return a result under assumptions with its run explained by the contract alone."""
+    match result:
+        case Refuted(trace=trace):
+            return replace(result, trace=_explained_run(program, result.contract.name, trace))
+        case ProvedInTime(trace=Trace() as trace):
+            return replace(result, trace=_explained_run(program, result.contract.name, trace))
+        case _:
+            return result
+
+
+def _explained_run(program: Program, contract: str, trace: Trace) -> Trace:
+    replay = Replay(program, contract)
+    facts = replay.facts(trace.snapshots)
+    return replace(trace, unknown=facts.unknown, found=facts.found, cause=replay.cause(trace.snapshots))
+
+
+def _results(
+    program: Program,
+    names: list[str],
+    options: ProofOptions | None = None,
+    shapes: dict[str, Shape] | None = None,
+    cache: ProofCache | None = None,
+    on_result: OnResult | None = None,
+    deadline: Deadline | None = None,
+    parts_after: int = 0,
+    proved: Sequence[Result] = (),
+) -> Iterator[Result]:
+    """Yield the result of each contract in `names`, as soon as it is known; `proved` are known to be so.
+
     `shapes` receives those of the program's memory. What `cache` knows is not proved again; `on_result`
     receives all other results.
 
@@ -94,9 +171,9 @@ def results(
     proved after it, so the order in which contracts are written matters little. Each may use an equal share
     of what `deadline` has left, of which `parts_after` shares are kept for what follows.
     """
-    program = without_assumed(program)
     asked = [c for c in program.contracts if c.name in names]
     known = {} if cache is None else cache.known(asked)
+    known |= {result.contract.name: result for result in proved}
     deadline = Deadline() if deadline is None else deadline
     encoded = slice_of(program, *asked)
     prover = ContractProver(program, options or ProofOptions(), deadline, shapes=shapes, encoded=encoded)

@@ -24,6 +24,7 @@ from colony.verify.contracts.results import (
     Unknown,
     length_text,
     never_reached,
+    rank,
 )
 from colony.verify.contracts.table import decision_text, reading_text, seconds, table
 from colony.verify.snapshot import Snapshot
@@ -121,6 +122,8 @@ def lines(program: Program, result: Result) -> tuple[str, ...]:
     """Return the verdict on one line, and the refuting trace or the reasons indented below it."""
     word = verdict(result)
     head = f"{word:8}{' ' if ' ' in word else ''} {result.contract.name}"
+    if result.contract.assuming and rank(result):
+        head += f"  (assuming {', '.join(result.contract.assuming)})"
     match result:
         case OverReals(proof=proof, in_time=in_time):
             _, *below = lines(program, proof)
@@ -319,6 +322,7 @@ def row(program: Program, result: Result) -> dict[str, object]:
         "line": line,
         "column": column,
         "verdict": verdict_key(result),
+        "assuming": list(result.contract.assuming),
     }
     if not result.contract.reach:
         result_row["in_time"] = result.contract.in_time

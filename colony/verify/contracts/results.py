@@ -168,6 +168,21 @@ class Unknown:
 Result = Proved | ProvedInTime | OverReals | Refuted | Unknown
 
 
+def rank(result: Result) -> int:
+    """Return how much a result proves: 0 for nothing, 1 over reals, 2 while clients are in time, 3 all."""
+    match result:
+        case Proved():
+            return 3
+        case ProvedInTime():
+            return 2
+        case OverReals():
+            return 1
+        case Refuted() | Unknown():
+            return 0
+        case _:
+            assert_never(result)
+
+
 def trace_of(result: Result) -> Trace | None:
     """Return the run that breaks a contract, None if none is known."""
     match result:

@@ -6,6 +6,7 @@ missing, or if a contract is broken in any frame.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, assert_never
@@ -26,7 +27,6 @@ from colony.ir.program import (
     PythonModule,
     Use,
     Wiring,
-    without_assumed,
 )
 from colony.ir.types import (
     Array,
@@ -243,12 +243,16 @@ class ExampleFailure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExampleResult:
-    """The result of an example; it passed if nothing failed. `frames` is its number of frames."""
+    """The result of an example; it passed if nothing failed. `frames` is its number of frames.
+
+    `assumptions` has the number of frames that broke each assumption, of those that were broken.
+    """
 
     name: str
     span: Span
     failures: tuple[ExampleFailure, ...]
     frames: int
+    assumptions: Mapping[str, int]
 
     @property
     def passed(self) -> bool:
@@ -267,11 +271,15 @@ def run_examples(program: Program, only: Collection[str] = ()) -> tuple[ExampleR
 
 def run_example(program: Program, example: Example) -> ExampleResult:
     """Run one example of `program`, from the program's initial memory."""
-    run = _Run(without_assumed(program))
+    run = _Run(program)
     for step in example.steps:
         run.step(step)
     return ExampleResult(
-        name=example.name, span=example.span, failures=tuple(run.failures.values()), frames=run.frames
+        name=example.name,
+        span=example.span,
+        failures=tuple(run.failures.values()),
+        frames=run.frames,
+        assumptions=dict(run.broken_assumptions),
     )
 
 
@@ -348,6 +356,7 @@ class _Run:
         self.readings = GivenReadings(program)
         self.failures: dict[object, ExampleFailure] = {}
         self.frames = 0
+        self.broken_assumptions = Counter[str]()
 
     def step(
         self,
@@ -363,7 +372,11 @@ class _Run:
             outcome = self.interpreter.step_in_base_units(t_ns, readings, lost, commands, restarted=restarted)
             self.frames += 1
             for contract in self.program.contracts:
-                if contract.name in outcome.breaches:
+                if contract.name not in outcome.breaches:
+                    continue
+                if contract.is_assumption:
+                    self.broken_assumptions[contract.name] += 1
+                elif not contract.assumed:
                     self.broken(contract, t_ns, outcome)
             for i, expectation in enumerate(step.expectations):
                 self.expect(expectation, (id(step), i), t_ns, outcome)

@@ -21,14 +21,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from functools import lru_cache
-from itertools import accumulate, pairwise
+from functools import lru_cache, partial
+from itertools import accumulate, pairwise, takewhile
 from random import Random
 
 from hypothesis import strategies as st
 
 from colony.ir.frame import Frame, Reading
-from colony.ir.program import Program, Sensor, expect_program, is_regular
+from colony.ir.program import Program, Sensor, assumptions, expect_program, is_regular
 from colony.ir.types import ScalarValue
 from colony.verify.testing.agreement import reference
 from colony.verify.testing.frames import Choices, draw_frame, draw_trace, sensors_read
@@ -49,13 +49,16 @@ def frames(program: Program, *, t_ns: int = 0) -> st.SearchStrategy[Frame]:
     return choices().map(lambda c: draw_frame(c, program, t_ns))
 
 
-def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[Frame, ...]]:
+def traces(
+    program: Program, *, max_frames: int = 8, as_assumed: bool = False
+) -> st.SearchStrategy[tuple[Frame, ...]]:
     """Draw up to `max_frames` frames of `program`, at least one, in declared units.
 
     Times advance by frame periods and by durations of the program, exactly or a nanosecond off. Readings are
     at, between, and one ulp from the program's constants; they recur, are missing, or have the wrong type,
     length or range. The elements of an array are mostly equal, except for a run of others. Some traces begin
-    like a test of the program.
+    like a test of the program. With `as_assumed`, a trace ends before the first frame that breaks an
+    assumption of the program.
     """
     expect_program(program)
     if max_frames < 1:
@@ -70,7 +73,16 @@ def traces(program: Program, *, max_frames: int = 8) -> st.SearchStrategy[tuple[
         simpler = draw(kept)
         return _simplified(program, varied(draw(st.integers(0, _MAX_SEED))), sensors, simpler)
 
-    return simplified()
+    return simplified().map(partial(_as_assumed, program)).filter(bool) if as_assumed else simplified()
+
+
+def _as_assumed(program: Program, trace: tuple[Frame, ...]) -> tuple[Frame, ...]:
+    """Return the frames of a trace before the first that breaks an assumption."""
+    assumed = {a.name for a in assumptions(program)}
+    outcomes = reference(program, trace)
+    return tuple(
+        f for f, _ in takewhile(lambda x: not assumed & {*x[1].breaches}, zip(trace, outcomes, strict=True))
+    )
 
 
 _MAX_SEED = 2**24 - 1

@@ -485,3 +485,54 @@ network {{ drive = {" suppresses ".join(f"m{i}" for i in range(60))} }}
     )
     out = colony.output("verify", "--timeout", "0.05", str(file))
     assert "about modules that can never act; raise --timeout" in out
+
+
+# --- assumptions -----------------------------------------------------------------------------------
+
+ASSUMED = """assume apart: near > 200 mm
+contract off: value_or(near > 100 mm, true)
+contract further: value_or(near > 300 mm, true)
+"""
+
+
+def test_verdicts_name_the_assumptions_that_they_rest_on(
+    colony: Colony, behavior: Path, tmp_path: Path
+) -> None:
+    add(behavior, ASSUMED)
+    code, out, err = colony("verify", behavior)
+    assert code == 1
+    assert f"{behavior}: proved   off  (assuming apart)  (operators too)\n" in out
+    assert f"{behavior}: REFUTED  further\n" in out
+    assert "apart" not in err
+    assert colony("verify", "--contract", "off", "--strict", behavior).code == 0
+    assert "no contract `apart`" in colony("verify", "--contract", "apart", behavior).err
+    rows = json.loads(colony("verify", "--format", "json", behavior).out)["files"][0]["contracts"]
+    assert [(r["contract"], r["verdict"], r["assuming"]) for r in rows] == [
+        ("off", "proved", ["apart"]),
+        ("further", "refuted", ["apart"]),
+    ]
+    colony("verify", "--contract", "off", "--certificate", tmp_path / "proofs", behavior)
+    text = (tmp_path / "proofs" / "off.smt2").read_text()
+    assert ";   assuming apart: near > 200 mm\n" in text
+    assert "assumptions held" in text
+
+
+def test_drawn_traces_count_up_to_a_broken_assumption(colony: Colony, behavior: Path) -> None:
+    add(behavior, "assume apart: near > 200 mm\ncontract off: value_or(near > 100 mm, true)\n")
+    code, out, _ = colony("verify", "--examples", "40", behavior)
+    assert code == 0, out
+
+
+def test_contradicting_assumptions_are_an_error(colony: Colony, behavior: Path) -> None:
+    add(behavior, "assume apart: near > 200 mm\nassume close: near < 100 mm\n")
+    code, _, err = colony("verify", behavior)
+    assert code == 1
+    assert "error[V016]: no run of 20 frames meets `apart` where `close` holds" in err
+    assert "assumed here" in err
+
+
+def test_a_test_says_which_assumptions_it_breaks(colony: Colony, behavior: Path) -> None:
+    add(behavior, 'assume apart: near > 200 mm\ntest "near" { at 0 s given near = 100 mm }\n')
+    code, out, _ = colony("test", behavior)
+    assert code == 0
+    assert "  assumption apart: broken in 1 frame\n" in out

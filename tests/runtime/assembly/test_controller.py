@@ -95,6 +95,13 @@ def test_contracts_that_cannot_judge_are_left_out() -> None:
     assert [log.heard_breaches for log in fewer] == [(), ("slow", "patient"), (), ("patient",)]
 
 
+def test_another_controller_breaks_no_assumption() -> None:
+    beside = Beside(f"{TEXT}assume fast: last.drive.velocity > 1 m/s\n")
+    found = beside.frames([40.0, 400.0])
+    assert all("fast" in log.expected.breaches for log in found)
+    assert [log.heard_breaches for log in found] == [(), ("slow", "gentle", "patient")]
+
+
 def test_their_memory_restarts_with_that_of_the_program() -> None:
     beside = Beside()
     beside.frames([50.0, 100.0, 150.0])

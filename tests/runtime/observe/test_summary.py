@@ -55,6 +55,19 @@ def cruise(program: Program) -> Module:
     return program.modules[0]
 
 
+def test_a_broken_assumption_is_no_failure() -> None:
+    program = awake()
+    contracts = tuple(replace(c, assumed=True) for c in program.contracts)
+    summary = summarize(
+        replace(program, contracts=contracts), Script(bumper_at=lambda t: t in (1 * S, 2 * S))
+    )
+    assert [(b.contract, b.assumed) for b in summary.breaches] == [("never_ram", True)]
+    assert summary.contracts == 0
+    assert summary.succeeded
+    assert "assumption never_ram: broken in 2 frames, first at 1 s, last at 2 s" in render(summary)
+    assert "BROKEN" not in render(summary)
+
+
 def test_shares_and_breaches() -> None:
     summary = summarize(awake(), Script(bumper_at=lambda t: t in (1 * S, 2 * S)))
     (drive,) = summary.actuators

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import Phase, find, given, settings
 from hypothesis import strategies as st
 
-from colony.dsl.load import check_text, load_file
+from colony.dsl.load import check_text, load_file, load_text
 from colony.ir.frame import Frame
 from colony.ir.program import Chain, Program, Wiring
 from colony.verify.reference.interpreter import Interpreter
@@ -21,6 +21,15 @@ from tests.drawn.program_text import draw_text
 from tests.drawn.strategies import network_runs, networks, programs, run_of_seed, texts
 from tests.paths import ROOT
 from tests.programs import MS, program
+
+ASSUMING = """
+robot r {
+  sensor a : number from S.a
+  actuator out { v : number } to S.out idle out(v = 0)
+}
+assume slow: a - previous(a, 0) <= 3
+assume near: a < 10
+"""
 
 
 @given(texts())
@@ -36,6 +45,13 @@ def test_public_strategies_fit_together(data: st.DataObject) -> None:
     for frame in data.draw(traces(of, max_frames=4)):
         assert len(interpreter.step(frame).decisions) == len(of.robot.actuators)
     assert data.draw(frames(of, t_ns=7)).t_ns == 7
+
+
+@given(st.data())
+def test_traces_can_be_as_they_are_assumed(data: st.DataObject) -> None:
+    of = load_text(ASSUMING)
+    for outcome in map(Interpreter(of).step, data.draw(traces(of, as_assumed=True))):
+        assert outcome.breaches == ()
 
 
 @settings(max_examples=10)

@@ -72,6 +72,7 @@ class RunStatusTracker:
         self._pids: Callable[[], Mapping[str, int]] = dict
         self._faults: tuple[str, ...] = ()
         self._broken: Counter[str] = Counter()
+        self._assumed = {c.name for c in compiled.contracts if c.assumed} if compiled else set()
         site = None if compiled is None else compiled.site
         self._site = () if site is None else site.values
 
@@ -161,7 +162,8 @@ class RunStatusTracker:
             processes=dict(self._pids()),
             params=self._params,
             faults=self._faults,
-            broken=dict(self._broken),
+            broken={name: n for name, n in self._broken.items() if name not in self._assumed},
+            assumptions={name: n for name, n in self._broken.items() if name in self._assumed},
             site=dict(self._site),
             still=self._still(),
             clients=tuple(
