@@ -20,7 +20,7 @@ from colony.text.wording import counted
 
 if TYPE_CHECKING:
     from colony.verify.coverage.measure import Coverage, Measured
-    from colony.verify.coverage.obligations import Obligation, Plan
+    from colony.verify.coverage.obligations import CoveragePlan, Obligation
     from colony.verify.coverage.recorder import Recorder
 
 # --- text ----------------------------------------------------------------------------------------------
@@ -48,7 +48,7 @@ def text_of(file: str, coverage: Coverage) -> Iterator[str]:
             yield from _lines(coverage.plan, m)
 
 
-def _lines(plan: Plan, m: Measured) -> Iterator[str]:
+def _lines(plan: CoveragePlan, m: Measured) -> Iterator[str]:
     yield f"  {_place(m.obligation)}: {m.obligation.kind} {_name(m.obligation)}"
     no = "no frame" if m.state == "impossible" else "missing: a frame"
     for goal in m.unseen:
@@ -114,7 +114,7 @@ def lcov_of(coverage: Coverage) -> str:
 # --- what is seen --------------------------------------------------------------------------------------
 
 
-def _follow(recording: str, plan: Plan, recorder: Recorder) -> None:
+def _follow(recording: str, plan: CoveragePlan, recorder: Recorder) -> None:
     """Record the goals of a recording of the program.
 
     Raises:

@@ -19,7 +19,7 @@ from colony.verify.claims import TRUE, all_of, any_of, binary, negation
 _JUNCTIONS = (Binary.AND, Binary.OR, Binary.IMPLIES)
 
 
-class Condition(NamedTuple):
+class AtomicCondition(NamedTuple):
     """An atomic condition of a decision.
 
     Attributes:
@@ -35,12 +35,12 @@ class Condition(NamedTuple):
     signs: tuple[bool, ...]
 
 
-class Decision(NamedTuple):
+class AtomicDecision(NamedTuple):
     """A decision whose conditions have names: `outcome` reads the `lets` by name."""
 
     outcome: Expression
     lets: tuple[tuple[str, Expression], ...]
-    conditions: tuple[Condition, ...]
+    conditions: tuple[AtomicCondition, ...]
 
 
 def is_composed(e: Expression) -> bool:
@@ -54,7 +54,7 @@ def is_composed(e: Expression) -> bool:
             return False
 
 
-def decision(e: Expression, name: Callable[[int], str], *, in_module: bool) -> Decision:
+def decision(e: Expression, name: Callable[[int], str], *, in_module: bool) -> AtomicDecision:
     """Return a decision with a let for each condition.
 
     Args:
@@ -82,10 +82,10 @@ def decision(e: Expression, name: Callable[[int], str], *, in_module: bool) -> D
     )
     by_name = {let: atom for (let, _), atom in zip(lets, atoms, strict=True)}
     conditions = tuple(
-        Condition(by_name[value.name], value, all_of(masks), signs)
+        AtomicCondition(by_name[value.name], value, all_of(masks), signs)
         for value, masks, signs in _conditions(outcome, (), (True,))
     )
-    return Decision(outcome, lets, conditions)
+    return AtomicDecision(outcome, lets, conditions)
 
 
 _Found = tuple[ir.LocalValue | ir.DerivedValue, tuple[Expression, ...], tuple[bool, ...]]

@@ -9,10 +9,11 @@ from colony.dsl import ast
 from colony.ir.program import Actuator, Program, without_assumed
 from colony.verify.contracts.example_block import literal, test_block
 from colony.verify.coverage.measure import Coverage, Measured, in_text_order
-from colony.verify.coverage.obligations import Plan
+from colony.verify.coverage.obligations import CoveragePlan, Goal
 from colony.verify.coverage.recorder import seen_in
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
+from colony.verify.testing.frames import snapshots_of
 
 MARK = "# observed: accept or correct"
 """The comment above a generated test: it expects what the program does, which no person has confirmed."""
@@ -62,10 +63,10 @@ def _needed(tests: Sequence[GeneratedTest], seen: Set[str]) -> list[GeneratedTes
     return kept
 
 
-def _runs(plan: Plan, measured: Measured, wanted: Set[str]) -> Iterator[tuple[Snapshot, ...]]:
+def _runs(plan: CoveragePlan, measured: Measured, wanted: Set[str]) -> Iterator[tuple[Snapshot, ...]]:
     """Yield the runs to goals that are wanted: one run if it can show them all."""
     goals = zip(measured.unseen, measured.runs, strict=True)
-    runs = [run.snapshots for goal, run in goals if goal.name in wanted]
+    runs = [_amid_others(plan, run.snapshots, goal) for goal, run in goals if goal.name in wanted]
     if len(runs) > 1:
         joined = runs[0]
         for run in runs[1:]:
@@ -74,6 +75,25 @@ def _runs(plan: Plan, measured: Measured, wanted: Set[str]) -> Iterator[tuple[Sn
         if wanted <= seen_in(plan, joined):
             runs = [joined]
     yield from runs
+
+
+def _amid_others(plan: CoveragePlan, snapshots: tuple[Snapshot, ...], goal: Goal) -> tuple[Snapshot, ...]:
+    """Return a run to a goal in which other sensors read what they read at the beginning of a test.
+
+    A sensor without which the goal is reached alone stays missing.
+    """
+    given = {name for s in snapshots for name in s.readings}
+    given |= {s.name for s in plan.program.robot.sensors if s.sent is not None}
+    for test in plan.program.tests:
+        others = {n: x for n, x in snapshots_of(plan.program, test)[0].readings.items() if n not in given}
+        for group in (others, *({name: x} for name, x in others.items())):
+            more = tuple(s._replace(readings={**group, **s.readings}) for s in snapshots)
+            if goal.name in seen_in(plan, more):
+                snapshots = more
+                given |= group.keys()
+            if others.keys() <= given:
+                break
+    return snapshots
 
 
 def _title(measured: Measured, wanted: Set[str]) -> str:

@@ -6,15 +6,16 @@ can be covered; a refutation is a run of the reference interpreter that shows th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from typing import Literal, NamedTuple
 
 from colony.verify.claims import negation
 from colony.verify.contracts.results import RESOURCES_PER_SECOND, ProofOptions, Trace
-from colony.verify.coverage.obligations import KINDS, Goal, Kind, Obligation, Plan
+from colony.verify.coverage.obligations import KINDS, CoveragePlan, Goal, Kind, Obligation
+from colony.verify.coverage.search import found_near_tests
 from colony.verify.lints.proof import Effort, LintProver, asked
 
-OPTIONS = ProofOptions(depth=2, max_frames=12, resources=2 * RESOURCES_PER_SECOND)
+OPTIONS = ProofOptions(depth=2, max_frames=12, resources=RESOURCES_PER_SECOND)
 """The effort for each goal."""
 
 State = Literal["covered", "uncovered", "unknown", "impossible"]
@@ -33,7 +34,7 @@ class Measured(NamedTuple):
 class Coverage(NamedTuple):
     """The coverage of a program by a number of frames."""
 
-    plan: Plan
+    plan: CoveragePlan
     frames: int
     measured: tuple[Measured, ...]
 
@@ -60,9 +61,15 @@ class Coverage(NamedTuple):
 class GoalProver:
     """Decides whether goals can be reached. Stateful: remembers answers."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: CoveragePlan) -> None:
+        self._plan = plan
         self._prover = LintProver(plan.instrumented, Effort(), {}, {}, OPTIONS)
         self._answers: dict[str, Trace | bool] = {}
+
+    def search(self, goals: Mapping[str, Goal]) -> None:
+        """Look for runs to those of these goals that are unknown."""
+        unknown = (goal for name, goal in goals.items() if self.answer(goal) is True)
+        self._answers |= dict(found_near_tests(self._plan, unknown))
 
     def answer(self, goal: Goal) -> Trace | bool:
         """Return a run whose last frame reaches a goal, False if none does, True if that is unknown."""
@@ -78,7 +85,7 @@ class GoalProver:
 
 
 def measure(
-    plan: Plan,
+    plan: CoveragePlan,
     seen: Set[str],
     frames: int,
     prover: GoalProver,
@@ -92,7 +99,10 @@ def measure(
     for number, obligation in enumerate(plan.obligations):
         on_obligation(number, obligation.subject)
         measured.append(_measured(obligation, seen, prover))
-    return Coverage(plan, frames, tuple(measured))
+    on_obligation(len(measured), "runs near tests")
+    prover.search({goal.name: goal for m in measured if m.state == "unknown" for goal in m.unseen})
+    decided = (_measured(m.obligation, seen, prover) if m.state == "unknown" else m for m in measured)
+    return Coverage(plan, frames, tuple(decided))
 
 
 def with_seen(coverage: Coverage, seen: Set[str]) -> Coverage:

@@ -44,7 +44,7 @@ from colony.verify.claims import (
     value_or,
     won,
 )
-from colony.verify.coverage.decisions import Decision, decision, is_composed
+from colony.verify.coverage.decisions import AtomicDecision, decision, is_composed
 from colony.verify.lints.case import (
     Case,
     all_bounds,
@@ -80,7 +80,7 @@ class Obligation(NamedTuple):
 
 
 @dataclass(frozen=True, slots=False, kw_only=True)
-class Plan:
+class CoveragePlan:
     """The obligations of a program, in the order of the text, and the program that their goals read."""
 
     program: Program
@@ -94,13 +94,13 @@ class Plan:
         return {goal.name: goal for o in self.obligations for way in o.ways for goal in way}
 
 
-def plan_of(program: Program, *, everywhere: bool = False) -> Plan:
+def plan_of(program: Program, *, everywhere: bool = False) -> CoveragePlan:
     """Return the obligations of the main file and, with `everywhere`, of imported files."""
     case = case_of(program)
     planner = _Planner(case, None if everywhere or not program.files else program.files[-1][1])
     instrumented = planner.instrumented()
     found = sorted(planner.obligations(), key=lambda o: (KINDS.index(o.kind), o.span.start))
-    return Plan(program=program, instrumented=instrumented, case=case, obligations=tuple(found))
+    return CoveragePlan(program=program, instrumented=instrumented, case=case, obligations=tuple(found))
 
 
 def _one(
@@ -116,7 +116,7 @@ class _Planner:
 
     def __init__(self, case: Case, main: Source | None) -> None:
         self._case, self._main = case, main
-        self._decisions: list[tuple[str, Decision, Expression]] = []  # owner, decision, where it counts
+        self._decisions: list[tuple[str, AtomicDecision, Expression]] = []  # owner, decision, where it counts
 
     def _is_own(self, span: Span) -> bool:
         return self._main is None or span.source is self._main
@@ -300,7 +300,7 @@ def _limit_text(limit: Limit) -> str:
     return one_line(limit.span.text).removeprefix("limit ")
 
 
-def _of_decision(owner: str, made: Decision, counts: Expression) -> Iterator[Obligation]:
+def _of_decision(owner: str, made: AtomicDecision, counts: Expression) -> Iterator[Obligation]:
     for number, c in enumerate(made.conditions):
         text = source_text(c.atom)
         ways = []

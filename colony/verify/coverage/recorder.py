@@ -9,7 +9,7 @@ from typing import Protocol
 from colony.ir.memory import ProgramMemory, window_cell
 from colony.ir.program import Example, Program
 from colony.ir.walk import wiring_graph
-from colony.verify.coverage.obligations import Plan
+from colony.verify.coverage.obligations import CoveragePlan
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
 from colony.verify.testing.frames import snapshots_of
@@ -32,14 +32,14 @@ class Factory(Protocol):
 class Recorder:
     """The goals seen so far, and the number of frames. Stateful."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: CoveragePlan) -> None:
         self._plan = plan
         self._unseen = dict(plan.goals)
         self.seen: set[str] = set()
         self.frames = 0
 
     def look(self, interpreter: Interpreter) -> None:
-        """Record the goals that are true in the last frame of an interpreter of `Plan.instrumented`."""
+        """Record the goals that are true in the last frame of an interpreter of the instrumented program."""
         self.frames += 1
         found = [n for n, goal in self._unseen.items() if interpreter.value_of(goal.condition) is True]
         for name in found:
@@ -63,7 +63,7 @@ class Recorder:
             self.run(snapshots_of(self._plan.program, test))
 
 
-def seen_in(plan: Plan, snapshots: Iterable[Snapshot]) -> frozenset[str]:
+def seen_in(plan: CoveragePlan, snapshots: Iterable[Snapshot]) -> frozenset[str]:
     """Return the goals of a run."""
     recorder = Recorder(plan)
     recorder.run(snapshots)
@@ -76,7 +76,7 @@ class FollowedPlan:
     `interpreters` makes a factory of interpreters of a program.
     """
 
-    def __init__(self, plan: Plan, interpreters: Callable[[Program], Factory]) -> None:
+    def __init__(self, plan: CoveragePlan, interpreters: Callable[[Program], Factory]) -> None:
         self._plan = plan
         self._interpreters = interpreters(replace(plan.instrumented, contracts=plan.program.contracts))
         self.answered = self._interpreters.answered
@@ -94,7 +94,7 @@ class FollowedPlan:
         return self._interpreters.resume(_renamed_windows(self._plan, memory))
 
 
-def _renamed_windows(plan: Plan, memory: ProgramMemory) -> ProgramMemory:
+def _renamed_windows(plan: CoveragePlan, memory: ProgramMemory) -> ProgramMemory:
     """Return memory of the program as memory of the instrumented one, in which each node is a wire."""
     names = {}
     for node in wiring_graph(plan.program).nodes:

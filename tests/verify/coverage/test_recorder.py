@@ -9,7 +9,7 @@ import pytest
 from colony.ir.program import Machine, PythonModule
 from colony.text.wording import one_line
 from colony.verify.coverage.measure import covered_by
-from colony.verify.coverage.obligations import Obligation, Plan, plan_of, transition_text
+from colony.verify.coverage.obligations import CoveragePlan, Obligation, plan_of, transition_text
 from colony.verify.coverage.recorder import seen_in
 from colony.verify.snapshot import snapshot_of
 from tests.drawn.strategies import run_of_seed
@@ -19,7 +19,7 @@ from tests.verify.coverage.naive import Key, covered
 _BLOCK = 50
 
 
-def _keys(plan: Plan) -> dict[Key, Obligation]:
+def _keys(plan: CoveragePlan) -> dict[Key, Obligation]:
     """Return the obligations that both calculations know, by their keys in the naive one."""
     machines = [d for d in plan.program.derived if isinstance(d, Machine)]
     owners = {
