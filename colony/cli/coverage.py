@@ -37,9 +37,9 @@ def text_of(file: str, coverage: Coverage) -> Iterator[str]:
     for heading, columns in rows if coverage.measured else ():
         yield f"  {heading:10}" + "".join(f"{x!s:>12}" for x in columns)
     for state, heading in (
-        ("uncovered", "uncovered"),
-        ("unknown", "uncovered; neither a run nor a proof decides whether they can be covered"),
-        ("impossible", "never: proved, and left out of 100 %"),
+        ("uncovered", "uncovered, and steps that would show it"),
+        ("unknown", "uncovered; neither a run nor a proof decides whether it can be covered"),
+        ("impossible", "impossible, which is proved, and left out of 100 %"),
     ):
         found = [m for m in coverage.measured if m.state == state]
         if found:
@@ -49,17 +49,15 @@ def text_of(file: str, coverage: Coverage) -> Iterator[str]:
 
 
 def _lines(plan: CoveragePlan, m: Measured) -> Iterator[str]:
-    yield f"  {_place(m.obligation)}: {m.obligation.kind} {_name(m.obligation)}"
-    no = "no frame" if m.state == "impossible" else "missing: a frame"
     for goal in m.unseen:
-        yield f"    {no} in which {goal.text}"
+        yield f"  {_place(m.obligation)}: no frame in which {goal.text}"
     if m.runs:
         from colony.verify.contracts.example_block import test_block
 
         snapshots = m.runs[0].snapshots
         block = test_block(plan.program, "", snapshots, [()] * len(snapshots))
         for line in block.splitlines()[1:-1] if block is not None else ():
-            yield f"      {line.strip()}"
+            yield f"    {line.strip()}"
 
 
 def _name(o: Obligation) -> str:
@@ -149,7 +147,8 @@ def _with_generated(file: str, coverage: Coverage, seen: set[str]) -> Coverage:
     for m in generated.left_out:
         why = "a run that covers it breaks a contract, or a test cannot write it"
         say(f"{_place(m.obligation)}: no test for {_name(m.obligation)}: {why}")
-    return with_seen(coverage, seen.union(*(test.goals for test in generated.tests)))
+    frames = sum(test.frames for test in generated.tests)
+    return with_seen(coverage, seen.union(*(test.goals for test in generated.tests)), frames)
 
 
 # --- command -------------------------------------------------------------------------------------------

@@ -19,12 +19,16 @@ MARK = "# observed: accept or correct"
 """The comment above a generated test: it expects what the program does, which no person has confirmed."""
 
 
+_MAX_WIDTH = 110
+
+
 class GeneratedTest(NamedTuple):
     """A test that covers goals, as text with its mark."""
 
     title: str
     text: str
     goals: frozenset[str]
+    frames: int
 
 
 class Generated(NamedTuple):
@@ -48,9 +52,17 @@ def generate(coverage: Coverage, seen: Set[str]) -> Generated:
                 left_out.append(measured)
                 continue
             titles.add(title)
-            tests.append(GeneratedTest(title, f"{MARK}\n{text}", seen_in(plan, snapshots)))
+            tests.append(GeneratedTest(title, _marked(text), seen_in(plan, snapshots), len(snapshots)))
             known |= tests[-1].goals
     return Generated(tuple(_needed(tests, seen)), tuple(left_out))
+
+
+def _marked(test: str) -> str:
+    """Return the text of a test with its mark, and a line break before what long steps expect."""
+    lines = (
+        x if len(x) <= _MAX_WIDTH else x.replace(" expect ", f"\n{'':10}expect ", 1) for x in test.split("\n")
+    )
+    return f"{MARK}\n{chr(10).join(lines)}"
 
 
 def _needed(tests: Sequence[GeneratedTest], seen: Set[str]) -> list[GeneratedTest]:

@@ -15,8 +15,9 @@ from colony.verify.coverage.obligations import KINDS, CoveragePlan, Goal, Kind, 
 from colony.verify.coverage.search import found_near_tests
 from colony.verify.lints.proof import Effort, LintProver, asked
 
-OPTIONS = ProofOptions(depth=2, max_frames=12, resources=RESOURCES_PER_SECOND)
-"""The effort for each goal."""
+_QUICK = ProofOptions(depth=1, max_frames=4, resources=RESOURCES_PER_SECOND // 4)
+_FULL = ProofOptions(depth=2, max_frames=12, resources=2 * RESOURCES_PER_SECOND)
+"""The effort for each goal: before runs near the tests are tried, and after."""
 
 State = Literal["covered", "uncovered", "unknown", "impossible"]
 """`unknown` is uncovered, and neither a run nor a proof decides whether it can be covered."""
@@ -63,25 +64,32 @@ class GoalProver:
 
     def __init__(self, plan: CoveragePlan) -> None:
         self._plan = plan
-        self._prover = LintProver(plan.instrumented, Effort(), {}, {}, OPTIONS)
         self._answers: dict[str, Trace | bool] = {}
-
-    def search(self, goals: Mapping[str, Goal]) -> None:
-        """Look for runs to those of these goals that are unknown."""
-        unknown = (goal for name, goal in goals.items() if self.answer(goal) is True)
-        self._answers |= dict(found_near_tests(self._plan, unknown))
+        self._quick, self._full = (
+            LintProver(plan.instrumented, Effort(), {}, {}, o) for o in (_QUICK, _FULL)
+        )
 
     def answer(self, goal: Goal) -> Trace | bool:
         """Return a run whose last frame reaches a goal, False if none does, True if that is unknown."""
         if goal.name not in self._answers:
-            question = asked(goal.name, negation(goal.condition))
-            trace = self._prover.refuted(question)
-            if trace is None:
-                undecided = self._prover.is_undecided(goal.name)
-                self._answers[goal.name] = undecided or not self._prover.proved([question])
-            else:
-                self._answers[goal.name] = trace
+            self._answers[goal.name] = _answer(self._quick, goal)
         return self._answers[goal.name]
+
+    def search(self, goals: Mapping[str, Goal]) -> None:
+        """Look for runs near tests to those of these goals that are unknown, and ask about the rest again."""
+        unknown = {name: goal for name, goal in goals.items() if self.answer(goal) is True}
+        self._answers |= dict(found_near_tests(self._plan, unknown.values()))
+        for name, goal in unknown.items():
+            if self._answers[name] is True:
+                self._answers[name] = _answer(self._full, goal)
+
+
+def _answer(prover: LintProver, goal: Goal) -> Trace | bool:
+    question = asked(goal.name, negation(goal.condition))
+    trace = prover.refuted(question)
+    if trace is not None:
+        return trace
+    return prover.is_undecided(goal.name) or not prover.proved([question])
 
 
 def measure(
@@ -99,18 +107,18 @@ def measure(
     for number, obligation in enumerate(plan.obligations):
         on_obligation(number, obligation.subject)
         measured.append(_measured(obligation, seen, prover))
-    on_obligation(len(measured), "runs near tests")
+    on_obligation(len(measured), "longer runs")
     prover.search({goal.name: goal for m in measured if m.state == "unknown" for goal in m.unseen})
     decided = (_measured(m.obligation, seen, prover) if m.state == "unknown" else m for m in measured)
     return Coverage(plan, frames, tuple(decided))
 
 
-def with_seen(coverage: Coverage, seen: Set[str]) -> Coverage:
-    """Return the coverage if these goals were seen."""
+def with_seen(coverage: Coverage, seen: Set[str], frames: int) -> Coverage:
+    """Return the coverage if these goals were seen, in so many more frames."""
     measured = (
         Measured(m.obligation, "covered") if covered_by(m.obligation, seen) else m for m in coverage.measured
     )
-    return coverage._replace(measured=tuple(measured))
+    return coverage._replace(measured=tuple(measured), frames=coverage.frames + frames)
 
 
 def covered_by(obligation: Obligation, seen: Set[str]) -> bool:

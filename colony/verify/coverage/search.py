@@ -29,7 +29,7 @@ from colony.verify.testing.frames import (
     thresholds_of,
 )
 
-_FRAMES = 10_000
+_FRAMES = 20_000
 """Number of frames that are computed for all goals of a program."""
 
 _PATIENCE = 300
