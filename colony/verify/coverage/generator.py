@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence, Set
 from typing import NamedTuple
 
 from colony.dsl import ast
 from colony.ir.program import Actuator, Program, without_assumed
+from colony.ir.types import Value
 from colony.verify.contracts.example_block import literal, test_block
 from colony.verify.coverage.measure import Coverage, Measured, in_text_order
 from colony.verify.coverage.obligations import CoveragePlan, Goal
@@ -94,6 +96,7 @@ def _amid_others(plan: CoveragePlan, snapshots: tuple[Snapshot, ...], goal: Goal
 
     A sensor without which the goal is reached alone stays missing.
     """
+    snapshots = _finite(plan, snapshots, goal)
     given = {name for s in snapshots for name in s.readings}
     given |= {s.name for s in plan.program.robot.sensors if s.sent is not None}
     for test in plan.program.tests:
@@ -105,6 +108,23 @@ def _amid_others(plan: CoveragePlan, snapshots: tuple[Snapshot, ...], goal: Goal
                 given |= group.keys()
             if others.keys() <= given:
                 break
+    return snapshots
+
+
+def _finite(plan: CoveragePlan, snapshots: tuple[Snapshot, ...], goal: Goal) -> tuple[Snapshot, ...]:
+    """Return a run to a goal with large readings in the place of infinite ones, if it gets there as well."""
+
+    def large(x: Value | None, size: float) -> Value | None:
+        if isinstance(x, tuple):
+            return tuple(math.copysign(size, e) if math.isinf(e) else e for e in x)
+        return math.copysign(size, x) if x is not None and math.isinf(x) else x
+
+    for size in (1e3, 1e6, 1e9):
+        run = tuple(
+            s._replace(readings={n: large(x, size) for n, x in s.readings.items()}) for s in snapshots
+        )
+        if goal.name in seen_in(plan, run):
+            return run
     return snapshots
 
 
