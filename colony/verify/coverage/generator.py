@@ -11,7 +11,7 @@ from colony.ir.program import Actuator, Program, without_assumed
 from colony.ir.types import Value
 from colony.verify.contracts.example_block import literal, test_block
 from colony.verify.coverage.measure import Coverage, Measured, in_text_order
-from colony.verify.coverage.obligations import CoveragePlan, Goal
+from colony.verify.coverage.obligations import CoverageGoal, CoveragePlan
 from colony.verify.coverage.recorder import seen_in
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
@@ -91,7 +91,9 @@ def _runs(plan: CoveragePlan, measured: Measured, wanted: Set[str]) -> Iterator[
     yield from runs
 
 
-def _amid_others(plan: CoveragePlan, snapshots: tuple[Snapshot, ...], goal: Goal) -> tuple[Snapshot, ...]:
+def _amid_others(
+    plan: CoveragePlan, snapshots: tuple[Snapshot, ...], goal: CoverageGoal
+) -> tuple[Snapshot, ...]:
     """Return a run to a goal in which other sensors read what they read at the beginning of a test.
 
     A sensor without which the goal is reached alone stays missing.
@@ -111,7 +113,7 @@ def _amid_others(plan: CoveragePlan, snapshots: tuple[Snapshot, ...], goal: Goal
     return snapshots
 
 
-def _finite(plan: CoveragePlan, snapshots: tuple[Snapshot, ...], goal: Goal) -> tuple[Snapshot, ...]:
+def _finite(plan: CoveragePlan, snapshots: tuple[Snapshot, ...], goal: CoverageGoal) -> tuple[Snapshot, ...]:
     """Return a run to a goal with large readings in the place of infinite ones, if it gets there as well."""
 
     def large(x: Value | None, size: float) -> Value | None:

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 
 from colony.verify.claims import negation
 from colony.verify.contracts.results import RESOURCES_PER_SECOND, ProofOptions, Trace
-from colony.verify.coverage.obligations import KINDS, CoveragePlan, Goal, Kind, Obligation
+from colony.verify.coverage.obligations import KINDS, CoverageGoal, CoveragePlan, Kind, Obligation
 from colony.verify.coverage.search import found_near_tests
 from colony.verify.lints.proof import Effort, LintProver, asked
 
@@ -28,7 +28,7 @@ class Measured(NamedTuple):
 
     obligation: Obligation
     state: State
-    unseen: tuple[Goal, ...] = ()
+    unseen: tuple[CoverageGoal, ...] = ()
     runs: tuple[Trace, ...] = ()
 
 
@@ -69,13 +69,13 @@ class GoalProver:
             LintProver(plan.instrumented, Effort(), {}, {}, o) for o in (_QUICK, _FULL)
         )
 
-    def answer(self, goal: Goal) -> Trace | bool:
+    def answer(self, goal: CoverageGoal) -> Trace | bool:
         """Return a run whose last frame reaches a goal, False if none does, True if that is unknown."""
         if goal.name not in self._answers:
             self._answers[goal.name] = _answer(self._quick, goal)
         return self._answers[goal.name]
 
-    def search(self, goals: Mapping[str, Goal]) -> None:
+    def search(self, goals: Mapping[str, CoverageGoal]) -> None:
         """Look for runs near tests to those of these goals that are unknown, and ask about the rest again."""
         unknown = {name: goal for name, goal in goals.items() if self.answer(goal) is True}
         self._answers |= dict(found_near_tests(self._plan, unknown.values()))
@@ -84,7 +84,7 @@ class GoalProver:
                 self._answers[name] = _answer(self._full, goal)
 
 
-def _answer(prover: LintProver, goal: Goal) -> Trace | bool:
+def _answer(prover: LintProver, goal: CoverageGoal) -> Trace | bool:
     question = asked(goal.name, negation(goal.condition))
     trace = prover.refuted(question)
     if trace is not None:

@@ -61,7 +61,7 @@ Kind = Literal["module", "node", "condition", "limit", "machine", "sensor"]
 KINDS: tuple[Kind, ...] = ("module", "node", "condition", "limit", "machine", "sensor")
 
 
-class Goal(NamedTuple):
+class CoverageGoal(NamedTuple):
     """A condition that should be true in some frame; `text` completes "a frame in which"."""
 
     name: str
@@ -76,7 +76,7 @@ class Obligation(NamedTuple):
     subject: str
     text: str
     span: Span
-    ways: tuple[tuple[Goal, ...], ...]
+    ways: tuple[tuple[CoverageGoal, ...], ...]
 
 
 @dataclass(frozen=True, slots=False, kw_only=True)
@@ -89,7 +89,7 @@ class CoveragePlan:
     obligations: tuple[Obligation, ...]
 
     @cached_property
-    def goals(self) -> dict[str, Goal]:
+    def goals(self) -> dict[str, CoverageGoal]:
         """All goals by name."""
         return {goal.name: goal for o in self.obligations for way in o.ways for goal in way}
 
@@ -107,7 +107,7 @@ def _one(
     kind: Kind, subject: str, text: str, span: Span, condition: Expression, hint: str, key: str = ""
 ) -> Obligation:
     """Return an obligation with one goal; `key` sets apart those of the same subject and text."""
-    goal = Goal(f"{kind} {key or subject} {text}", value_or(condition, FALSE), hint)
+    goal = CoverageGoal(f"{kind} {key or subject} {text}", value_or(condition, FALSE), hint)
     return Obligation(kind, subject, text, span, ((goal,),))
 
 
@@ -316,7 +316,7 @@ def _of_decision(owner: str, made: AtomicDecision, counts: Expression) -> Iterat
                 if len(made.conditions) > 1:
                     alone += f" and decides `{owner}`"
                 name = f"condition {owner} {number} {c.atom.span.start} {sign} {value}"
-                way.append(Goal(name, value_or(condition, FALSE), alone))
+                way.append(CoverageGoal(name, value_or(condition, FALSE), alone))
             ways.append(tuple(way))
         yield Obligation("condition", owner, text, c.atom.span, tuple(ways))
 
@@ -365,5 +365,5 @@ def _of_machine(machine: Machine) -> Iterator[Obligation]:
         holds = value_or(condition_of(machine, i), TRUE if t.failsafe else FALSE)
         hint = f"`{machine.name}` takes `{text}`"
         taken = all_of((_considered(machine, i), holds))
-        goal = Goal(f"machine {machine.name} transition {i}", value_or(taken, FALSE), hint)
+        goal = CoverageGoal(f"machine {machine.name} transition {i}", value_or(taken, FALSE), hint)
         yield Obligation("machine", machine.name, text, t.span, ((goal,),))

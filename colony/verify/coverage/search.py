@@ -17,7 +17,7 @@ from colony.verify.claims import negation
 from colony.verify.contracts.concrete_runs import GeneratedRuns, Replay
 from colony.verify.contracts.refute import minimize
 from colony.verify.contracts.results import Trace
-from colony.verify.coverage.obligations import CoveragePlan, Goal
+from colony.verify.coverage.obligations import CoverageGoal, CoveragePlan
 from colony.verify.lints.proof import has_python_modules, with_claims
 from colony.verify.snapshot import Snapshot, present_readings, snapshot_of
 from colony.verify.testing.frames import (
@@ -39,7 +39,7 @@ _MAX_LENGTH = 300
 """Maximum length of a run."""
 
 
-def found_near_tests(plan: CoveragePlan, goals: Iterable[Goal]) -> Iterator[tuple[str, Trace]]:
+def found_near_tests(plan: CoveragePlan, goals: Iterable[CoverageGoal]) -> Iterator[tuple[str, Trace]]:
     """Yield the names of goals to which a run was found, each with its run."""
     wanted = {goal.name: goal for goal in goals}
     if not wanted or not plan.program.tests or has_python_modules(plan.program):
