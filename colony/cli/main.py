@@ -29,6 +29,7 @@ COMMANDS = {
     "compile": "compile a behavior to prioritized clients",
     "graph": "draw the network as SVG or DOT",
     "test": "run the tests that behavior files contain",
+    "coverage": "show which parts of a behavior its tests, or recordings, exercise",
     "verify": "prove contracts, and find modules that can never act",
     "diff": "prove two behaviors equivalent, or show where they differ",
     "trace": "replay recorded frames through any executor",

@@ -69,13 +69,13 @@ def write_certificate(folder: Path, options: ProofOptions, prover: ContractProve
 # Counterexamples appended to behavior files as tests.
 
 
-def check_writable(file: str) -> None:
-    """Refuse a file that cannot be replaced, before the work begins; exit with 2."""
+def check_writable(file: str, option: str = "--write-test") -> None:
+    """Refuse a file that cannot be replaced, as an option does, before the work begins; exit with 2."""
     path = Path(file)
     if not os.access(path, os.W_OK):
-        cannot_write(path, "Permission denied (--write-test appends to it)")
+        cannot_write(path, f"Permission denied ({option} appends to it)")
     if path.is_file() and not os.access(path.resolve().parent, os.W_OK | os.X_OK):
-        cannot_write(path, "Permission denied in its folder (--write-test replaces it)")
+        cannot_write(path, f"Permission denied in its folder ({option} replaces it)")
 
 
 def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> None:
@@ -83,9 +83,7 @@ def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> Non
 
     The file is replaced atomically. A test that it contains already is not written again.
     """
-    path = Path(file)
-    before = _bytes(path)
-    text = before.decode("utf-8-sig").replace("\r\n", "\n")
+    text = _bytes(Path(file)).decode("utf-8-sig").replace("\r\n", "\n")
     titles = {existing.name for existing in program.tests}
     blocks: list[str] = []
     written: list[str] = []
@@ -101,7 +99,7 @@ def append_tests(file: str, program: Program, refuted: Sequence[Refuted]) -> Non
             blocks.append(test.block)
             written.append(test.title)
     if blocks:
-        _append(path, before, blocks)
+        append_blocks(Path(file), blocks)
     for name in written:
         say(f'{file}: wrote the test "{name}"')
 
@@ -133,8 +131,9 @@ def _bytes(path: Path) -> bytes:
         cannot_write(path, reason(problem))
 
 
-def _append(path: Path, before: bytes, blocks: Sequence[str]) -> None:
-    """Append blocks to the file, with the same kind of line breaks."""
+def append_blocks(path: Path, blocks: Sequence[str]) -> None:
+    """Append blocks to the file, with the same kind of line breaks; exit with 2 if that fails."""
+    before = _bytes(path)
     added = "".join(f"\n{block}" for block in blocks)
     if before and not before.endswith(b"\n"):
         added = f"\n{added}"

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 from colony.dsl import ast
 from colony.dsl.printer import print_file
 from colony.ir.bearings import naming_angle
-from colony.ir.program import Contract, Program, Sensor
+from colony.ir.program import ActuatorField, Contract, Program, Sensor
 from colony.ir.types import Enum, ScalarValue, Value, bearings_of, element_type
 from colony.verify.contracts.results import Trace, expectation
 from colony.verify.contracts.table import NumberText, number_text, seconds
-from colony.verify.snapshot import ElementRun, differing, run_angles, sparse
+from colony.verify.snapshot import ElementRun, Snapshot, differing, run_angles, sparse
 
 
 def title(contract: Contract) -> str:
@@ -28,12 +27,29 @@ def example_block(program: Program, contract: Contract, trace: Trace, name: str 
     Python modules.
     """
     expected = expectation(program, contract) if contract.reach else None
-    if any(s.answers for s in trace.snapshots) or (contract.reach and expected is None):
+    if contract.reach and expected is None:
+        return None
+    at_end = () if expected is None else (expected,)
+    expectations = [()] * (len(trace.snapshots) - 1) + [at_end]
+    return test_block(program, name or title(contract), trace.snapshots, expectations)
+
+
+def test_block(
+    program: Program,
+    name: str,
+    snapshots: Sequence[Snapshot],
+    expectations: Sequence[tuple[ast.Expression, ...]],
+) -> str | None:
+    """Return the text of a test with these frames, and what is expected in each.
+
+    None if the language cannot write a value, or if the frames need answers of Python modules.
+    """
+    if any(s.answers for s in snapshots):
         return None
     sensors = {s.name: s for s in program.robot.sensors}
     frames = list[_Frame]()
     before: dict[str, Value | None] = {}
-    for snapshot in trace.snapshots:
+    for snapshot, expected in zip(snapshots, expectations, strict=True):
         given = [g for s in sensors.values() for g in _given(s, before, snapshot.readings)]
         if snapshot.restarted:
             is_true = ast.Boolean(value=True)
@@ -42,29 +58,30 @@ def example_block(program: Program, contract: Contract, trace: Trace, name: str 
             )
         if None in given:
             return None
-        frames.append(_Frame(snapshot.t_ns, tuple(g for g in given if g is not None)))
+        frames.append(_Frame(snapshot.t_ns, tuple(g for g in given if g is not None), expected))
         before = dict(snapshot.readings)
-    steps = [*_steps(frames)] if expected is None else [*_steps(frames[:-1]), *_steps(frames[-1:])]
-    if expected is not None:
-        steps[-1] = replace(steps[-1], expect=(expected,))
-    test = ast.TestDecl(title=name or title(contract), steps=tuple(steps))
+    test = ast.TestDecl(title=name, steps=tuple(_steps(frames)))
     return print_file(ast.File(declarations=(test,)))
 
 
 class _Frame(NamedTuple):
-    """The time of a frame, and what it gives."""
+    """The time of a frame, what it gives, and what is expected in it."""
 
     t_ns: int
     given: tuple[ast.GivenDecl, ...]
+    expect: tuple[ast.Expression, ...]
 
 
 def _steps(frames: Sequence[_Frame]) -> Iterator[ast.StepDecl]:
-    """Yield the steps; frames at equal distances after which nothing new is given are one `from ... to`."""
+    """Yield the steps; frames at equal distances with nothing new given or expected are one `from ... to`."""
     i = 0
     while i < len(frames):
         first, last = frames[i], i
         while (
-            last + 1 < len(frames) and not frames[last + 1].given and _at_equal_distances(frames, i, last + 1)
+            last + 1 < len(frames)
+            and not frames[last + 1].given
+            and frames[last + 1].expect == first.expect
+            and _at_equal_distances(frames, i, last + 1)
         ):
             last += 1
         if last < i + 2:
@@ -75,7 +92,7 @@ def _steps(frames: Sequence[_Frame]) -> Iterator[ast.StepDecl]:
             last=None if last == i else _number(seconds(frames[last].t_ns)),
             period=None if period_ns is None else _number(seconds(period_ns)),
             given=first.given,
-            expect=(),
+            expect=first.expect,
         )
         i = last + 1
 
@@ -126,7 +143,7 @@ def _array_assignments(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterat
         yield _scalar_assignment(sensor, None, found.common)
         yield from (_scalar_assignment(sensor, run, run.value) for run in found.differing)
         return
-    elements = [_expression(sensor, x) for x in value]
+    elements = [literal(sensor, x) for x in value]
     expressible = tuple(e for e in elements if e is not None)
     yield (
         _assignment(sensor, None, ast.Elements(values=expressible))
@@ -136,7 +153,7 @@ def _array_assignments(sensor: Sensor, value: tuple[ScalarValue, ...]) -> Iterat
 
 
 def _scalar_assignment(sensor: Sensor, run: ElementRun | None, value: ScalarValue) -> ast.GivenDecl | None:
-    expression = _expression(sensor, value)
+    expression = literal(sensor, value)
     return None if expression is None else _assignment(sensor, run, expression)
 
 
@@ -169,7 +186,8 @@ def _degrees(angle: str) -> ast.Expression:
     return ast.Prefix(operator="-", operand=number) if angle.startswith("-") else number
 
 
-def _expression(sensor: Sensor, value: ScalarValue) -> ast.Expression | None:
+def literal(sensor: Sensor | ActuatorField, value: ScalarValue) -> ast.Expression | None:
+    """Return a value of a sensor or field, in base units, as a test writes it; None if it cannot."""
     type_ = element_type(sensor.type)
     if isinstance(value, bool):
         return ast.Boolean(value=value)

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 from colony.ir.frame import Decision, FrameEvent, OverriddenCommand
-from colony.ir.program import Actuator, Contract, Program, Sensor, in_declared_units
+from colony.ir.program import Actuator, ActuatorField, Contract, Program, Sensor, in_declared_units
 from colony.ir.types import Bool, Enum, Quantity, Scalar, ScalarValue, Value, element_type
 from colony.ir.walk import actuators_named
 from colony.text.units import BASE_UNITS, parse_unit
@@ -47,7 +47,7 @@ def value_of(written: NumberText) -> float:
     return -value if written.negative else value
 
 
-def number_text(value: float, sensor: Sensor) -> NumberText | None:
+def number_text(value: float, sensor: Sensor | ActuatorField) -> NumberText | None:
     """Return the shortest number in the unit of `sensor`, else in base units, that is exactly `value`.
 
     None if there is no such number, e.g. for a value that is not finite.
@@ -69,7 +69,7 @@ def _has_value(written: NumberText, value: float) -> bool:
         return False
 
 
-def rounded(value: float, sensor: Sensor, digits: int) -> float:
+def rounded(value: float, sensor: Sensor | ActuatorField, digits: int) -> float:
     """Return `value`, in base units, rounded to a number of significant digits in the unit of `sensor`."""
     candidate = _rounded(value, sensor.unit or None, digits) if math.isfinite(value) else None
     try:
@@ -98,7 +98,7 @@ def plain(number: Decimal) -> str:
     return f"{mantissa}e{int(exponent)}"
 
 
-def _base_unit(sensor: Sensor) -> str | None:
+def _base_unit(sensor: Sensor | ActuatorField) -> str | None:
     type_ = element_type(sensor.type)
     if not isinstance(type_, Quantity) or not any(type_.dimension):
         return None

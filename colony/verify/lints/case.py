@@ -80,8 +80,8 @@ def with_named_bounds(program: Program) -> Program:
             lets.append(Let(name=_bound_name(i), expression=bound))
             bound = ir.DerivedValue(type=bound.type, name=_bound_name(i))
         if condition is not None:
-            lets.append(Let(name=_condition_name(i), expression=condition))
-            condition = ir.DerivedValue(type=BOOL, name=_condition_name(i))
+            lets.append(Let(name=limit_condition_name(i), expression=condition))
+            condition = ir.DerivedValue(type=BOOL, name=limit_condition_name(i))
         limits.append(replace(limit, bound=bound, condition=condition))
     return replace(program, derived=(*program.derived, *lets), limits=tuple(limits))
 
@@ -91,7 +91,8 @@ def _bound_name(i: int) -> str:
     return f"limit {i}"
 
 
-def _condition_name(i: int) -> str:
+def limit_condition_name(i: int) -> str:
+    """Return the name of the let for the condition of a limit."""
     return f"limit {i} when"
 
 
@@ -115,7 +116,7 @@ def _of_limit(limit: Limit, number: int, actuator: Actuator) -> FieldBound:
     is_upper = limit.relation == "<="
     applies: Expression = TRUE
     if limit.condition is not None:
-        asked = ir.DerivedValue(type=BOOL, name=_condition_name(number))
+        asked = ir.DerivedValue(type=BOOL, name=limit_condition_name(number))
         applies = value_or(asked, TRUE)
     if isinstance(limit.bound, ir.Constant):
         known_value = float(limit.bound.value)  # type: ignore[arg-type]  # a limit bounds a scalar

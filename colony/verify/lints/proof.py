@@ -160,12 +160,18 @@ class LintProver:
     """A prover of claims about one program. Stateful: encodes it on first use, remembers answers.
 
     `activity` gives, by module, the frames of drawn runs in which it is active, as a set of bits. `shapes`
-    are those found for programs with the same memory; what is found is added.
+    are those found for programs with the same memory; what is found is added. `options` limit each question.
     """
 
     def __init__(
-        self, program: Program, effort: Effort, activity: Mapping[str, int], shapes: dict[str, Shape]
+        self,
+        program: Program,
+        effort: Effort,
+        activity: Mapping[str, int],
+        shapes: dict[str, Shape],
+        options: ProofOptions = OPTIONS,
     ) -> None:
+        self._options = options
         self._activity = activity
         self._shapes = shapes
         self._program = program
@@ -216,7 +222,7 @@ class LintProver:
         quick, _ = self._quick_answer(name, context)
         if quick is not _Quick.OPEN:
             return quick is _Quick.HOLDS
-        return isinstance(Attempt(context, name, Budget(OPTIONS, self.effort)).run(), Proof)
+        return isinstance(Attempt(context, name, Budget(self._options, self.effort)).run(), Proof)
 
     def constant(self, question: Question) -> bool | None:
         """Return the truth of a claim if its formula is a constant, None otherwise."""
@@ -242,7 +248,7 @@ class LintProver:
         """Return the answer about a claim, with a model of a first frame that breaks it."""
         if is_true(claim.holds):
             return _Quick.HOLDS, None
-        frames, budget = self._shared.single_frames, Budget(OPTIONS, self.effort, _ALL_QUESTIONS)
+        frames, budget = self._shared.single_frames, Budget(self._options, self.effort, _ALL_QUESTIONS)
         answer, model = frames.breaks_first(claim, budget)
         if answer is SolverAnswer.SAT:
             return _Quick.BROKEN, model
@@ -294,6 +300,7 @@ class LintProver:
         called = called_modules(context.cones[name])
         quick, model = (_Quick.OPEN, None) if called else self._quick_answer(name, context)
         if quick is _Quick.HOLDS:
+            self._answers[name] = True
             return
         program = replace(self._program, contracts=(self._contracts[name],))
         refuter = Refuter(program, name, called, deadline=self.effort)
@@ -303,10 +310,11 @@ class LintProver:
             first = refuter.confirm_in(frame, CandidateTrace(model, 1, without_python=True))
         if first is not None:
             yield first
-        budget = Budget(OPTIONS, self.effort)
+        budget = Budget(self._options, self.effort)
         attempt = Attempt(context, name, budget, refuter, asks_first_frame=False)
         found = attempt.run()
         if isinstance(found, Proof):
+            self._answers[name] = True
             return
         trace = found or attempt.python_trace or refuter.search_runs()
         if trace is not None:

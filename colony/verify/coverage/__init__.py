@@ -1,0 +1,1 @@
+"""Coverage of behaviors: which parts of a program its tests, or recordings, have exercised."""

@@ -1,0 +1,107 @@
+"""The goals that frames of the reference interpreter reach."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Protocol
+
+from colony.ir.memory import ProgramMemory, window_cell
+from colony.ir.program import Example, Program
+from colony.ir.walk import wiring_graph
+from colony.verify.coverage.obligations import CoveragePlan
+from colony.verify.reference.interpreter import Interpreter
+from colony.verify.snapshot import Snapshot
+from colony.verify.testing.frames import snapshots_of
+
+
+class Factory(Protocol):
+    """A factory of interpreters of a program, as a follower of a recording takes it."""
+
+    answered: frozenset[str]
+
+    def begin(self) -> Interpreter:
+        """Return an interpreter with initial memory."""
+        ...
+
+    def resume(self, memory: ProgramMemory) -> Interpreter:
+        """Return an interpreter with this memory."""
+        ...
+
+
+class Recorder:
+    """The goals seen so far, and the number of frames. Stateful."""
+
+    def __init__(self, plan: CoveragePlan) -> None:
+        self._plan = plan
+        self._unseen = dict(plan.goals)
+        self.seen: set[str] = set()
+        self.frames = 0
+
+    def look(self, interpreter: Interpreter) -> None:
+        """Record the goals that are true in the last frame of an interpreter of the instrumented program."""
+        self.frames += 1
+        found = [n for n, goal in self._unseen.items() if interpreter.value_of(goal.condition) is True]
+        for name in found:
+            del self._unseen[name]
+        self.seen.update(found)
+
+    def run(self, snapshots: Iterable[Snapshot]) -> None:
+        """Record the goals of a run that begins with initial memory."""
+        interpreter = Interpreter(self._plan.instrumented)
+        for s in snapshots:
+            interpreter.step_in_base_units(s.t_ns, s.readings, s.lost, s.given, restarted=s.restarted)
+            self.look(interpreter)
+
+    def run_tests(self, tests: Iterable[Example]) -> None:
+        """Record the goals of tests.
+
+        Raises:
+            DiagnosticError: a module in Python cannot be imported and built.
+        """
+        for test in tests:
+            self.run(snapshots_of(self._plan.program, test))
+
+
+def seen_in(plan: CoveragePlan, snapshots: Iterable[Snapshot]) -> frozenset[str]:
+    """Return the goals of a run."""
+    recorder = Recorder(plan)
+    recorder.run(snapshots)
+    return frozenset(recorder.seen)
+
+
+class FollowedPlan:
+    """A factory of interpreters of the instrumented program, which resume from memory of the program itself.
+
+    `interpreters` makes a factory of interpreters of a program.
+    """
+
+    def __init__(self, plan: CoveragePlan, interpreters: Callable[[Program], Factory]) -> None:
+        self._plan = plan
+        self._interpreters = interpreters(replace(plan.instrumented, contracts=plan.program.contracts))
+        self.answered = self._interpreters.answered
+
+    def begin(self) -> Interpreter:
+        """Return an interpreter with initial memory."""
+        return self._interpreters.begin()
+
+    def resume(self, memory: ProgramMemory) -> Interpreter:
+        """Return an interpreter with this memory.
+
+        Raises:
+            ValueError: the memory is not that of the program.
+        """
+        return self._interpreters.resume(_renamed_windows(self._plan, memory))
+
+
+def _renamed_windows(plan: CoveragePlan, memory: ProgramMemory) -> ProgramMemory:
+    """Return memory of the program as memory of the instrumented one, in which each node is a wire."""
+    names = {}
+    for node in wiring_graph(plan.program).nodes:
+        wire, *operands = node.path
+        names[window_cell(str(wire), tuple(int(i) for i in operands))] = window_cell(node.name, (0,))
+    cells = {}
+    for cell, value in memory.cells.items():
+        prefix, separator, rest = cell.rpartition(" ")
+        cells[f"{names.get(prefix, prefix)}{separator}{rest}"] = value
+    return replace(memory, cells=cells)

@@ -1,0 +1,57 @@
+"""Generated tests of drawn programs: they pass, and cover what they say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from random import Random
+
+import pytest
+
+from colony.dsl.load import load_text
+from colony.verify.contracts.results import Trace
+from colony.verify.coverage.generator import generate
+from colony.verify.coverage.measure import GoalProver, measure, with_seen
+from colony.verify.coverage.obligations import plan_of
+from colony.verify.coverage.recorder import Recorder, seen_in
+from colony.verify.coverage.search import found_near_tests
+from colony.verify.testing.examples import run_examples
+from colony.verify.testing.frames import Choices
+from tests.drawn.program_text import draw_text
+from tests.sampling import sampled
+from tests.verify.small_robot import go, robot
+
+
+@pytest.mark.parametrize("seed", sampled(range(12), every=6))
+def test_generated_tests_of_a_drawn_program_pass_and_cover_what_they_say(seed: int) -> None:
+    text = draw_text(Choices(Random(seed)), python=False)
+    plan = plan_of(replace(load_text(text), contracts=()))  # a run that breaks one makes no test
+    coverage = measure(plan, set(), 0, GoalProver(plan))
+    tests = generate(coverage, set()).tests
+    assert tests
+    program = replace(load_text("\n".join([text, *(test.text for test in tests)])), contracts=())
+    assert all(result.passed for result in run_examples(program))
+    again = Recorder(plan_of(program))
+    again.run_tests(program.tests)
+    assert again.seen == frozenset().union(*(test.goals for test in tests))
+    assert with_seen(coverage, again.seen, 0).percent > coverage.percent
+
+
+LOCK = (
+    robot()
+    + "machine lock { start p0 "
+    + " ".join(f"p{i} -> p{i + 1} when level == {n}" for i, n in enumerate((3, 14, 15, 92, 65, 35, 89)))
+    + " }\n"
+    + go("cruise", "lock == lock.p7")
+    + 'network { drive = cruise }\ntest "t" {\n'
+    + "".join(f"  at {i} s given level = {n}\n" for i, n in enumerate((3, 14, 15, 92, 65, 35)))
+    + "}\n"
+)
+
+
+def test_runs_near_a_test_reach_what_follows_it() -> None:
+    plan = plan_of(load_text(LOCK))
+    (goal,) = [g for g in plan.goals.values() if g.text == "`lock` takes `p6 -> p7`"]
+    ((name, run),) = found_near_tests(plan, [goal])
+    assert isinstance(run, Trace)
+    assert len(run.snapshots) == 7
+    assert name in seen_in(plan, run.snapshots)
