@@ -150,6 +150,7 @@ class _Planner:
             condition_of(m, i).name: (m, i) for m in machines.values() for i in range(len(m.transitions))
         }
         limits = {limit_condition_name(i): limit for i, limit in enumerate(self._case.program.limits)}
+        unwritten = {f"{m.name}.{name}" for m in machines.values() if m.tasks for name in ("held", "time")}
         for item in program.derived:
             if isinstance(item, Let) and item.name in conditions:
                 machine, i = conditions[item.name]
@@ -159,7 +160,7 @@ class _Planner:
             elif isinstance(item, Let) and item.name in limits:
                 if self._is_own(limits[item.name].span):
                     item = self._of_let(item, _limit_text(limits[item.name]), TRUE, derived)
-            elif isinstance(item, Let) and self._is_own(item.span):
+            elif isinstance(item, Let) and self._is_own(item.span) and item.name not in unwritten:
                 item = self._of_let(item, item.name, TRUE, derived)
             derived.append(item)
         modules = tuple(self._of_text(m) if isinstance(m, Module) else m for m in program.modules)
