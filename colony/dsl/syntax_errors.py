@@ -246,7 +246,7 @@ def _name_hint(found: str, accepted: frozenset[str]) -> str | None:
             f"names are made of the letters A to Z and a to z, digits and `_`; this is {_character(strange)}"
         )
     if found.startswith('"') and "STRING" not in accepted:
-        return "strings are allowed only after `import`, `test` and `python`"
+        return "texts in quotes stand only after `import`, `test`, `python` and `requirement`"
     return None
 
 

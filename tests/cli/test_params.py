@@ -52,7 +52,7 @@ def test_those_of_a_run_are_listed_set_saved_and_reset(
         assert colony("params", "save", "site.toml") == (0, "wrote roaming, turn.gain into site.toml\n", "")
         assert Path("site.toml").read_text() == 'roaming = "0.25 m/s"\nturn.gain = "-0"\n'
         for code, arguments, said in (
-            (1, ("set", "roaming=2"), "`roaming` is 2; expected 0.1 .. 0.6 m/s"),
+            (1, ("set", "roaming=2"), "`roaming` cannot be 2: expected 0.1 .. 0.6 m/s"),
             (2, ("set", "roaming=1 kg"), "`roaming`: found `1 kg`; expected a number in m/s"),
             (2, ("set", "roming=1"), "the program has no tunable param `roming`; did you mean `roaming`?"),
             (2, ("get", "speed"), "the program has no tunable param `speed`"),

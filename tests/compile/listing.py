@@ -46,7 +46,7 @@ def _lines(code: Code) -> Iterator[str]:
     for actuator in code.actuators:
         yield from _actuator(actuator)
     for contract in code.contracts:
-        yield f"contract {contract.name}: {contract.holds}"
+        yield f"contract {contract.name}: {contract.holds}{' assumed' * contract.assumed}"
     yield f"sensors: {', '.join(sensor.name for sensor in code.sensors) or 'none'}"
 
 

@@ -135,6 +135,15 @@ def _file(verified: Verified) -> dict[str, Any]:
     return {"file": name, "contracts": contracts, "tests": tests, "findings": findings}
 
 
+def _remarks(contract: dict[str, Any]) -> Iterable[str]:
+    """Yield what restricts a verdict, and the reasons of one that is open."""
+    if contract.get("operators") is False:
+        yield "without operators"
+    if contract.get("assuming"):
+        yield f"assuming {', '.join(contract['assuming'])}"
+    yield from contract.get("because", ()) or contract.get("over_reals", ())
+
+
 _STYLE = """body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 64rem; }
 table { border-collapse: collapse; width: 100%; margin-bottom: 1.5rem; }
 td, th { border-bottom: 1px solid #ccc; padding: 4px 10px 4px 0; text-align: left; vertical-align: top; }
@@ -161,7 +170,7 @@ def _html(found: dict[str, Any]) -> str:
                 each["verdict"],
                 ", ".join(each["requirements"]) or "–",
                 f"{each['file']}:{each['line']}",
-                "; ".join(each.get("because", ()) or each.get("over_reals", ())) or "–",
+                "; ".join(_remarks(each)) or "–",
             )
             for each in file["contracts"]
         ]

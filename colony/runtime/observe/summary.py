@@ -19,9 +19,13 @@ SHADOW_TEXT = "SHADOW: this is what it would have sent; it commanded nothing"
 """Line about a program in the shadow of a robot."""
 
 
+OUTSIDE = "(outside)"
+"""Stands for the connections from outside the network that commanded, in the place of a module."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Share:
-    """The frames and seconds in which `module` commanded, or no module did (None)."""
+    """The frames and seconds in which `module` commanded, nobody did (None), or a connection (`OUTSIDE`)."""
 
     module: str | None
     frames: int
@@ -242,7 +246,8 @@ class Tally:
         self._skipped += log.skipped
         self._unknown += log.memory_unknown
         for name, verdict in log.verdicts.items():
-            self._commanded[name][verdict.by] += 1
+            is_outside = verdict.by is None and verdict.outside is not None
+            self._commanded[name][OUTSIDE if is_outside else verdict.by] += 1
             if verdict.outside is not None or verdict.hold is not None:
                 self._interventions[name, verdict.outside, verdict.hold] += 1
                 self._unlimited[name, verdict.outside, verdict.hold] += verdict.unlimited
@@ -312,6 +317,7 @@ class Tally:
         counts = self._commanded[name]
         period_s = self._compiled.frame_ns / 1e9
         rows: list[str | None] = [*self._clients_by_actuator[name], None]
+        rows += [OUTSIDE] if counts[OUTSIDE] else []
         return ActuatorSummary(
             actuator=name,
             unheard=self._unheard(name, self.frames - counts.total()),

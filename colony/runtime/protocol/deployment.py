@@ -204,7 +204,7 @@ def tuned_with(
             changed[name] = value
         else:
             expected = f"{tunable.low:.9g} .. {tunable.high:.9g} {tunable.unit}".rstrip()
-            raise RefusedError("arguments", f"`{name}` is {value:.9g}; expected {expected}")
+            raise RefusedError("arguments", f"`{name}` cannot be {value:.9g}: expected {expected}")
     return changed
 
 

@@ -154,7 +154,8 @@ class _Planner:
         for item in program.derived:
             if isinstance(item, Let) and item.name in conditions:
                 machine, i = conditions[item.name]
-                if self._is_own(machine.span):
+                is_limit = bool(machine.tasks) and machine.transitions[i].failsafe  # of the time of a task
+                if self._is_own(machine.span) and not is_limit:
                     owner = f"{machine.name}: {transition_text(machine, machine.transitions[i])}"
                     item = self._of_let(item, owner, _considered(machine, i), derived, always=True)
             elif isinstance(item, Let) and item.name in limits:
