@@ -148,7 +148,8 @@ def save(file: Path, robot: str | None, connect: str | None, security: Path | No
 
 
 def _text(tunable: Tunable, value: float) -> str:
-    number = f"{value:.15g}"
+    number = repr(float(f"{value:.15g}")) if float(f"{value:.15g}") == value else repr(value)
+    number = number.removesuffix(".0")
     return f"{number} {tunable.unit}" if tunable.unit else number
 
 

@@ -110,8 +110,10 @@ def test_every_word_is_a_name(role: str) -> None:
         if word == "t" and role in ("sensor", "actuator"):
             continue  # recordings need it for the time
         found = findings(PROGRAM.format(**{**NAMES, role: word}), robot="")
-        if word in FUNCTION_NAMES and role in ("function", "own_function"):
+        if word in FUNCTION_NAMES and role in ("function", "own_function", "broken"):
             assert "E109" in found[0], word
+        elif word in BASE_UNITS and role == "end":
+            assert "E407" in found[0], word
         else:
             assert found == [], word
 

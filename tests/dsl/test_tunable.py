@@ -11,6 +11,7 @@ from colony.dsl.site_reading import SavedParamsError, params_from_values, saved_
 from colony.ir.frame import Frame
 from colony.ir.program import TUNABLE_SERVER, Module, PythonModule, Sensor
 from colony.ir.types import ScalarValue
+from colony.runtime.protocol.deployment import tunables_of
 from colony.testing import check
 from tests.dsl.texts import ROBOT, findings, messages, named, program
 
@@ -92,6 +93,9 @@ def test_units_are_those_of_the_number_or_readable_ones() -> None:
             "3:36 E204",
         ),
         ("tunable param bumper = 1 in 0 .. 2", "1:15 E102"),
+        ("tunable param drive = 1 in 0 .. 2", "1:15 E102"),
+        ("input drive : mm from DServer.X", "1:7 E102"),
+        ("tunable param t = 1 in 0 .. 2", "1:15 E307"),
     ],
 )
 def test_what_it_cannot_be(text: str, code: str) -> None:
@@ -181,3 +185,19 @@ def test_a_file_that_cannot_take_them_is_refused(text: str, tmp_path: Path) -> N
     path.write_text(text)
     with pytest.raises(SavedParamsError, match=r"site\.toml:.*is not TOML"):
         saved_params(path, {"m.b": "2"})
+
+
+@pytest.mark.parametrize("unit", ["ft", "inch", "percent", "rad", "deg", "mm", "min"])
+def test_its_bounds_are_shown_as_written_and_are_within_it(unit: str) -> None:
+    for tenths in range(1, 40):
+        low, high = f"{tenths / 10:g}", f"{tenths / 10 + 0.7:g}"
+        found = program(
+            f"tunable param a = {high} {unit} in {low} {unit} .. {high} {unit}\n"
+            f"module m {{ when a > {low} {unit} do drive(velocity = 0, turn = 0) }}"
+        )
+        [sensor], [tunable] = [s for s in found.robot.sensors if s.tunable], tunables_of(found.robot)
+        assert sensor.low is not None
+        assert sensor.high is not None
+        assert sensor.low <= tunable.low * sensor.factor <= tunable.high * sensor.factor <= sensor.high
+        assert abs(tunable.low - float(low)) < 1e-12
+        assert abs(tunable.high - float(high)) < 1e-12

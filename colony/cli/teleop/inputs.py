@@ -134,6 +134,8 @@ class Keyboard:
         text = self._rest + data.decode("latin-1")
         cut_off = _CUT_OFF.search(text)
         self._rest = "" if cut_off is None else cut_off[0]
+        if self._rest:  # Escape, unless the rest of an arrow follows
+            self.release()
         for arrow, key in _KEY.findall(text.removesuffix(self._rest)):
             if key.lower() in ("q", "x"):
                 self.release()
@@ -164,7 +166,7 @@ def single_keys(file: int) -> Iterator[None]:
     Signals that end a process raise KeyboardInterrupt from here on, so that the context ends.
     """
     before = termios.tcgetattr(file)
-    for number in termination_signals():
+    for number in (*termination_signals(), signal.SIGQUIT):
         signal.signal(number, signal.default_int_handler)
     try:
         tty.setcbreak(file)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import signal
 import sys
 import time
 from collections.abc import Callable
@@ -195,6 +196,6 @@ async def _operate(
     stop = partial(stop_robot, name, session)
     async with AsyncSession(session.hub).connect("RServer", name=NAME, priority=priority) as base:
         operation = Teleoperation(base, source, priority, stop, **settings)
-        for number in termination_signals():
+        for number in (*termination_signals(), signal.SIGQUIT):
             asyncio.get_running_loop().add_signal_handler(number, operation.end)
         await operation.run()

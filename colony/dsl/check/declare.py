@@ -141,8 +141,15 @@ def _declare(report: CheckReport, scope: FileScope) -> None:
     network_names: dict[str, ast.NameNode] = {}
     for node in scope.file.tree.declarations:
         if isinstance(node, VALUE_DECLARATIONS):
+            is_sensor = isinstance(node, ast.SensorDecl) or (
+                isinstance(node, ast.ParamDecl) and node.interval is not None
+            )
             if node.name.text in sensors:
                 report.error(scope, "E102", node.name, f"the robot has a sensor `{node.name.text}` already")
+            elif is_sensor and node.name.text in actuators:  # recordings have both by their names
+                report.error(
+                    scope, "E102", node.name, f"the robot has an actuator `{node.name.text}` already"
+                )
             elif _declare_once(report, scope, values, node.name):
                 scope.visible_values[node.name.text] = scope
                 if isinstance(node, ast.EnumDecl) or (

@@ -14,7 +14,14 @@ from colony.dsl import ast
 from colony.dsl.check.checker import Checker
 from colony.dsl.check.compatibility import as_declared, unit_of, with_article, without_wildcard
 from colony.dsl.check.expressions import ExpressionChecker
-from colony.dsl.check.robot import argument_hint, check_parameter, check_type, takes, what_it_takes
+from colony.dsl.check.robot import (
+    RESERVED_SENSORS,
+    argument_hint,
+    check_parameter,
+    check_type,
+    takes,
+    what_it_takes,
+)
 from colony.dsl.check.scope import (
     BrokenSymbol,
     CheckReport,
@@ -52,6 +59,11 @@ def check_param(checker: Checker, node: ast.ParamDecl, full_name: str) -> ParamS
     tunable = _tunable(checker, node, node.interval, full_name, own)
     if tunable is None:
         return BrokenSymbol()
+    if full_name in RESERVED_SENSORS:
+        message = (
+            f"`{full_name}` is {RESERVED_SENSORS[full_name]} in recordings, so no tunable param can have it"
+        )
+        checker.error("E307", node.name, message, "choose another name")
     symbol = tunable if given is None else site_param(checker, given, tunable, node)
     return with_value(tunable, symbol.value) if isinstance(symbol, ParamSymbol) else symbol
 

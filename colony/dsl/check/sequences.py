@@ -69,15 +69,19 @@ def write_out_sequences(report: CheckReport, scopes: Sequence[FileScope], module
         checker = ExpressionChecker(scope=scope, report=report)
         added: list[ast.Declaration] = []
         declarations = _with_valid_sequences(scope)
+        bases = {t.base.text for d in declarations if isinstance(d, ast.SequenceDecl) for t in d.tasks}
         for node in declarations:
             if isinstance(node, ast.SequenceDecl):
                 _check_names(checker, node)
                 _check_failures(checker, node, scopes)
                 writer = _SequenceWriter(checker, node, modules)
                 added += writer.declarations()
-                if None in writer.commands.values():  # which was reported: a wire may lack for that reason
+                if None in writer.commands.values():  # which is reported: a wire may lack for that reason
                     for actuator in scope.robot.actuator_names:
-                        scope.network_symbols.setdefault(f"{node.name.text}.{actuator}", BrokenSymbol())
+                        name = f"{node.name.text}.{actuator}"
+                        is_base = name in bases  # a wire, which is reported there
+                        symbol = WireSymbol(name=scope.full_name(name)) if is_base else BrokenSymbol()
+                        scope.network_symbols.setdefault(name, symbol)
         for declaration in added:
             if isinstance(declaration, ast.NetworkDecl):
                 for wire in declaration.wires:

@@ -176,12 +176,26 @@ def tunables_of(robot: Robot) -> tuple[Tunable, ...]:
             name=s.name,
             unit=s.unit,
             initial=float(s.default or 0.0) / s.factor,
-            low=-math.inf if s.low is None else s.low / s.factor,
-            high=math.inf if s.high is None else s.high / s.factor,
+            low=-math.inf if s.low is None else _inside(s.low, s.factor, math.inf),
+            high=math.inf if s.high is None else _inside(s.high, s.factor, -math.inf),
         )
         for s in robot.sensors
         if s.tunable
     )
+
+
+def _inside(bound: float, factor: float, inward: float) -> float:
+    """Return a bound in a declared unit, as it was written if that lies within it in base units."""
+
+    def is_inside(x: float) -> bool:
+        return x * factor >= bound if inward > 0 else x * factor <= bound
+
+    written, exact = float(f"{bound / factor:.15g}"), bound / factor
+    if is_inside(written):
+        return written
+    while not is_inside(exact):
+        exact = math.nextafter(exact, inward)
+    return exact
 
 
 def tuned_with(

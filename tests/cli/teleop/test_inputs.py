@@ -57,7 +57,7 @@ def test_a_key_is_held_until_it_repeats_and_a_little_longer(keys: Keys) -> None:
     assert [keys.keyboard.hand(10.6 + REPEAT_S + x) for x in (-0.01, 0.0)] == [AHEAD, None]
 
 
-@pytest.mark.parametrize("key", [b" ", b"e", b"\x1b[5~", b"\t"])
+@pytest.mark.parametrize("key", [b" ", b"e", b"\x1b", b"\x1b[5~", b"\t"])
 def test_another_key_takes_its_place_and_any_else_lets_go(keys: Keys, key: bytes) -> None:
     keys.type(b"w", 0.0)
     keys.type(b"a", 0.1)
@@ -116,6 +116,7 @@ def failing() -> None:
     [
         (failing, ZeroDivisionError),
         (lambda: signal.raise_signal(signal.SIGTERM), KeyboardInterrupt),
+        (lambda: signal.raise_signal(signal.SIGQUIT), KeyboardInterrupt),
         (lambda: signal.raise_signal(signal.SIGINT), KeyboardInterrupt),
     ],
 )
