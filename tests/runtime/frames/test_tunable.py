@@ -57,8 +57,8 @@ def test_a_change_is_in_the_next_tick_and_in_all_after_it(stage: Stage, leader: 
 @pytest.mark.parametrize(
     ("given", "reason"),
     [
-        ({"speed": 0.7}, "`speed` is 0.7; expected 0.1 .. 0.6 m/s"),
-        ({"speed": float("nan")}, "`speed` is nan; expected 0.1 .. 0.6 m/s"),
+        ({"speed": 0.7}, "`speed` cannot be 0.7: expected 0.1 .. 0.6 m/s"),
+        ({"speed": float("nan")}, "`speed` cannot be nan: expected 0.1 .. 0.6 m/s"),
         ({"speed": 0.2, "sped": 1.0}, "no tunable param `sped`; its tunable params are speed, avoid.near"),
     ],
 )
