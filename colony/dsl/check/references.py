@@ -443,8 +443,9 @@ def _names(node: ast.By | ast.Is) -> tuple[ast.NameNode | None, ast.Reference] |
     match node:
         case ast.By(actuator=ast.Reference(path=(_, name), end=end), module=ast.Reference() as module):
             return ast.NameNode(text=name, start=end - len(name), end=end), module
-        case ast.Is(subject=ast.Reference(path=(_, *path), end=end), status="active") if path:
-            return None, ast.Reference(path=tuple(path), start=end - len(path[-1]), end=end)
+        case ast.Is(subject=ast.Reference(path=(_, *path), start=start, end=end), status="active") if path:
+            # what a sequence writes out stands at the name of a task, which may be shorter
+            return None, ast.Reference(path=tuple(path), start=max(start, end - len(path[-1])), end=end)
         case _:
             return None
 
