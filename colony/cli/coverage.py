@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import redirect_stdout
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,9 +20,11 @@ from colony.cli.robot_choice import description_option
 from colony.text.wording import counted
 
 if TYPE_CHECKING:
+    from colony.ir.memory import ProgramMemory
     from colony.verify.coverage.measure import Coverage, Measured
     from colony.verify.coverage.obligations import CoveragePlan, Obligation
     from colony.verify.coverage.recorder import Recorder
+    from colony.verify.reference.interpreter import Interpreter
 
 # --- text ----------------------------------------------------------------------------------------------
 
@@ -50,7 +53,7 @@ def text_of(file: str, coverage: Coverage) -> Iterator[str]:
 
 def _lines(plan: CoveragePlan, m: Measured) -> Iterator[str]:
     for goal in m.unseen:
-        yield f"  {_place(m.obligation)}: no frame in which {goal.text}"
+        yield f"  {m.obligation.span.place}: no frame in which {goal.text}"
     if m.runs:
         from colony.verify.contracts.example_block import test_block
 
@@ -62,11 +65,6 @@ def _lines(plan: CoveragePlan, m: Measured) -> Iterator[str]:
 
 def _name(o: Obligation) -> str:
     return f"`{o.text}` of `{o.subject}`" if o.kind == "condition" else f"`{o.subject}`: {o.text}"
-
-
-def _place(o: Obligation) -> str:
-    line, column = o.span.source.position(o.span.start)
-    return f"{o.span.source.name}:{line}:{column}"
 
 
 # --- JSON, LCOV ----------------------------------------------------------------------------------------
@@ -120,11 +118,17 @@ def _follow(recording: str, plan: CoveragePlan, recorder: Recorder) -> None:
     """
     from colony.analysis.follower import Follower, Interpreters, UnknownMemory, step_given
     from colony.analysis.recording import OpenRecording
-    from colony.verify.coverage.recorder import FollowedPlan
+    from colony.verify.coverage.recorder import with_renamed_windows
+
+    class Instrumented(Interpreters):
+        """Interpreters of the instrumented program, which resume from memory of the program itself."""
+
+        def resume(self, memory: ProgramMemory) -> Interpreter:
+            return super().resume(with_renamed_windows(plan, memory))
 
     with OpenRecording.at(recording) as opened:
         on_frame = ReadingProgress(opened.stream)
-        follower = Follower(FollowedPlan(plan, Interpreters))
+        follower = Follower(Instrumented(replace(plan.instrumented, contracts=plan.program.contracts)))
         for frame in opened.reader.frames(plan.program):
             interpreter = follower.feed(frame)
             if not isinstance(interpreter, UnknownMemory):
@@ -146,7 +150,7 @@ def _with_generated(file: str, coverage: Coverage, seen: set[str]) -> Coverage:
         say(f'{file}: wrote the test "{test.title}"')
     for m in generated.left_out:
         why = "a run that covers it breaks a contract, or a test cannot write it"
-        say(f"{_place(m.obligation)}: no test for {_name(m.obligation)}: {why}")
+        say(f"{m.obligation.span.place}: no test for {_name(m.obligation)}: {why}")
     frames = sum(test.frames for test in generated.tests)
     return with_seen(coverage, seen.union(*(test.goals for test in generated.tests)), frames)
 

@@ -63,12 +63,7 @@ def note(code: str, span: Span, message: str, hint: str | None = None) -> Diagno
 
 def headline(diagnostic: Diagnostic) -> str:
     """Return `file:line:col: error[E012]: message`, on one line."""
-    return f"{_location(diagnostic.span)}: {diagnostic.severity}[{diagnostic.code}]: {diagnostic.message}"
-
-
-def _location(span: Span) -> str:
-    line, column = span.source.position(span.start)
-    return f"{span.source.name}:{line}:{column}"
+    return f"{diagnostic.span.place}: {diagnostic.severity}[{diagnostic.code}]: {diagnostic.message}"
 
 
 _MAX_LINE_WIDTH = 160
@@ -78,7 +73,7 @@ def render(diagnostic: Diagnostic) -> str:
     """Return the headline, the source line with carets below it, both again for each label, and the hint."""
     out = [headline(diagnostic), *_excerpt(diagnostic.span)]
     for label in diagnostic.labels:
-        out += [f"{_location(label.span)}: note: {label.text}", *_excerpt(label.span)]
+        out += [f"{label.span.place}: note: {label.text}", *_excerpt(label.span)]
     if diagnostic.hint:
         out.append(f"  hint: {diagnostic.hint}")
     return "\n".join(out)

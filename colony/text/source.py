@@ -61,10 +61,15 @@ class Span(NamedTuple):
         """Return the text within the span."""
         return self.source.text[self.start : self.end]
 
-    def __repr__(self) -> str:
-        """Return the start of the span as `file:line:column`."""
+    @property
+    def place(self) -> str:
+        """The start of the span as `file:line:column`."""
         line, column = self.source.position(self.start)
         return f"{self.source.name}:{line}:{column}"
+
+    def __repr__(self) -> str:
+        """Return the place of the span."""
+        return self.place
 
 
 NOWHERE = Span(Source("<none>", ""), 0, 0)

@@ -16,10 +16,13 @@ from colony.verify.contracts.results import Result
 MAX_TABLE_BYTES = 4 * 1024 * 1024
 
 Status = Literal["met", "open", "unmet", "without contracts", "without text"]
-"""Whether all contracts of a requirement are proved; one that the table of requirements lacks has no text."""
+"""The state of a requirement: `met` if all its contracts are proved; one that the table lacks has no text."""
 
-_MET = ("proved", "proved_in_time", "reached")
-_UNMET = ("refuted", "never_reached")
+MET = ("proved", "proved_in_time", "reached")
+"""The verdicts of contracts that meet a requirement."""
+
+UNMET = ("refuted", "never_reached")
+"""The verdicts that show that it is not met; with any other it is open."""
 
 
 class Requirement(NamedTuple):
@@ -93,6 +96,6 @@ def _status(contracts: Iterable[tuple[str, str]], *, has_text: bool) -> Status:
         return "without text"
     if not verdicts:
         return "without contracts"
-    if not verdicts.isdisjoint(_UNMET):
+    if not verdicts.isdisjoint(UNMET):
         return "unmet"
-    return "met" if verdicts <= set(_MET) else "open"
+    return "met" if verdicts <= set(MET) else "open"

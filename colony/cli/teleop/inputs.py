@@ -27,7 +27,7 @@ REPEAT_S = 0.2
 """Seconds for which a key that repeats counts as held; terminals repeat it every 20 to 100 ms."""
 
 Wish = Literal["", "stop", "quit"]
-"""What an operator asks for besides motion: an emergency stop, or the end."""
+"""A request of an operator besides motion: an emergency stop, or the end; "" for none."""
 
 
 class Hand(NamedTuple):

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import cast
 
@@ -144,9 +145,7 @@ def command(
         if is_wrong:
             raise click.UsageError(message, context)
     expect_extras("verify")
-    from colony.cli.verify.requirement_report import requirements_table, write_report
-
-    texts = requirements_table(requirements)
+    write_report = None if report_folder is None else _report_writer(report_folder, requirements)
     names += why
     loaded = [load(file, write_test=write_test) for file in dict.fromkeys(files)]
     _check_names(names, loaded, context)
@@ -184,10 +183,17 @@ def command(
         raise
     finish_output(begun, cast(Format, format_))
     code = _exit_code(begun, strict)
-    if report_folder is not None and all(verified.program for verified in begun):
-        is_met = write_report(report_folder, begun, requirements, texts, on_stderr=format_ != "text")
+    if write_report is not None and all(verified.program for verified in begun):
+        is_met = write_report(begun, on_stderr=format_ != "text")
         code = code or (0 if is_met else EXIT_ERRORS)
     raise click.exceptions.Exit(code)
+
+
+def _report_writer(folder: Path, table: Path | None) -> Callable[..., bool]:
+    """Return the function that writes the report; a table of requirements is read before the work begins."""
+    from colony.cli.verify.requirement_report import requirements_table, write_report
+
+    return partial(write_report, folder, table, requirements_table(table))
 
 
 def _check_names(names: Sequence[str], files: Sequence[Verified], context: click.Context) -> None:

@@ -25,7 +25,7 @@ from colony.cli.verify.work import Verified
 from colony.files import reason
 from colony.ir.version import SEMANTICS
 from colony.text.wording import counted
-from colony.verify.requirements import Requirement, read_requirements, requirements_of
+from colony.verify.requirements import MET, UNMET, Requirement, read_requirements, requirements_of
 
 TRUSTED = (
     "the reference interpreter, which is the language reference, executed",
@@ -35,7 +35,7 @@ TRUSTED = (
     "for contracts `in time`: that no client is late or lost",
     "that sensors, motors and clocks do what the interface declares; no proof is about them",
 )
-"""What has to be believed, in short; docs/theory.md gives the reasons."""
+"""The trusted base, in short; docs/theory.md gives the reasons."""
 
 
 def requirements_table(path: Path | None) -> dict[str, str] | None:
@@ -52,9 +52,9 @@ def requirements_table(path: Path | None) -> dict[str, str] | None:
 
 def write_report(
     folder: Path,
-    files: Sequence[Verified],
     table: Path | None,
     texts: dict[str, str] | None,
+    files: Sequence[Verified],
     *,
     on_stderr: bool,
 ) -> bool:
@@ -84,9 +84,8 @@ def _report(
 ) -> dict[str, Any]:
     site = chosen_params()
     others = [path for path in (table, None if site is None else Path(site.file)) if path is not None]
-    inputs = [
-        (path, source.text.encode()) for file in files if file.program for path, source in _sources(file)
-    ]
+    programs = [file.program for file in files if file.program]
+    inputs = [(path, source.text.encode()) for program in programs for path, source in program.files]
     inputs += [(path.name, path.read_bytes()) for path in others]
     return {
         "versions": {
@@ -105,11 +104,6 @@ def _report(
         "files": [_file(verified) for verified in files],
         "trusted": TRUSTED,
     }
-
-
-def _sources(verified: Verified) -> Iterable[tuple[str, Any]]:
-    assert verified.program is not None
-    return verified.program.files or ()
 
 
 def _file(verified: Verified) -> dict[str, Any]:
@@ -149,7 +143,8 @@ table { border-collapse: collapse; width: 100%; margin-bottom: 1.5rem; }
 td, th { border-bottom: 1px solid #ccc; padding: 4px 10px 4px 0; text-align: left; vertical-align: top; }
 code { font-size: 13px; overflow-wrap: anywhere; } .good { color: #00664a; } .bad { color: #a33000; }"""
 
-_GOOD = ("met", "proved", "proved_in_time", "reached", "passed")
+_GOOD = ("met", "passed", *MET)
+_BAD = ("unmet", "open", "unknown", "over_reals", "failed", "without contracts", "without text", *UNMET)
 
 
 def _html(found: dict[str, Any]) -> str:
@@ -194,9 +189,6 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     cells = "".join(f"<th>{escape(text)}</th>" for text in head)
     lines = "\n".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
     return f"<table><tr>{cells}</tr>\n{lines}</table>"
-
-
-_BAD = ("unmet", "open", "refuted", "unknown", "over_reals", "failed", "without contracts", "without text")
 
 
 def _cell(text: str) -> str:

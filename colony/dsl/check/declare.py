@@ -146,11 +146,9 @@ def _declare(report: CheckReport, scope: FileScope) -> None:
             )
             if node.name.text in sensors:
                 report.error(scope, "E102", node.name, f"the robot has a sensor `{node.name.text}` already")
-            elif is_sensor and node.name.text in actuators:  # recordings have both by their names
-                report.error(
-                    scope, "E102", node.name, f"the robot has an actuator `{node.name.text}` already"
-                )
-            elif _declare_once(report, scope, values, node.name):
+            elif not (
+                is_sensor and _is_actuator(report, scope, node.name, actuators)  # recordings have both
+            ) and _declare_once(report, scope, values, node.name):
                 scope.visible_values[node.name.text] = scope
                 if isinstance(node, ast.EnumDecl) or (
                     isinstance(node, ast.ParamDecl) and node.interval is None
@@ -159,11 +157,9 @@ def _declare(report: CheckReport, scope: FileScope) -> None:
                 if isinstance(node, ast.SequenceDecl):
                     _declare_sequence(report, scope, node.name, network_names, actuators)
         elif isinstance(node, MODULE_DECLARATIONS):
-            if node.name.text in actuators:
-                report.error(
-                    scope, "E102", node.name, f"the robot has an actuator `{node.name.text}` already"
-                )
-            elif _declare_once(report, scope, network_names, node.name):
+            if not _is_actuator(report, scope, node.name, actuators) and _declare_once(
+                report, scope, network_names, node.name
+            ):
                 full_name = scope.full_name(node.name.text)
                 scope.network_symbols[node.name.text] = ModuleSymbol(
                     name=full_name, actuator=None, members={}
@@ -174,6 +170,14 @@ def _declare(report: CheckReport, scope: FileScope) -> None:
                 _declare_wire(report, scope, wire.name, network_names, actuators)
 
 
+def _is_actuator(report: CheckReport, scope: FileScope, name: ast.NameNode, actuators: set[str]) -> bool:
+    """Return True if a name is that of an actuator, after reporting that."""
+    if name.text not in actuators:
+        return False
+    report.error(scope, "E102", name, f"the robot has an actuator `{name.text}` already")
+    return True
+
+
 def _declare_sequence(
     report: CheckReport,
     scope: FileScope,
@@ -182,9 +186,7 @@ def _declare_sequence(
     actuators: set[str],
 ) -> None:
     """Declare the name of a sequence as that of a part, as which its tasks and wires are found."""
-    if name.text in actuators:
-        report.error(scope, "E102", name, f"the robot has an actuator `{name.text}` already")
-    elif _declare_once(report, scope, network_names, name):
+    if not _is_actuator(report, scope, name, actuators) and _declare_once(report, scope, network_names, name):
         scope.network_symbols[name.text] = SequenceSymbol(name=scope.full_name(name.text))
         scope.visible_network_symbols[name.text] = scope
 

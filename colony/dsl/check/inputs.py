@@ -19,6 +19,7 @@ from colony.dsl.check.robot import (
     argument_hint,
     check_parameter,
     check_type,
+    reject_reserved,
     takes,
     what_it_takes,
 )
@@ -59,11 +60,8 @@ def check_param(checker: Checker, node: ast.ParamDecl, full_name: str) -> ParamS
     tunable = _tunable(checker, node, node.interval, full_name, own)
     if tunable is None:
         return BrokenSymbol()
-    if full_name in RESERVED_SENSORS:
-        message = (
-            f"`{full_name}` is {RESERVED_SENSORS[full_name]} in recordings, so no tunable param can have it"
-        )
-        checker.error("E307", node.name, message, "choose another name")
+    if full_name == node.name.text:
+        reject_reserved(checker, node.name, RESERVED_SENSORS, "tunable param")
     symbol = tunable if given is None else site_param(checker, given, tunable, node)
     return with_value(tunable, symbol.value) if isinstance(symbol, ParamSymbol) else symbol
 

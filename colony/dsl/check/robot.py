@@ -192,7 +192,7 @@ def check_input(checker: Checker, node: ast.SensorDecl) -> ir.Sensor | None:
 
 
 def _sensor(checker: Checker, item: ast.SensorDecl) -> ir.Sensor | None:
-    _reject_reserved(checker, item.name, RESERVED_SENSORS, "sensor")
+    reject_reserved(checker, item.name, RESERVED_SENSORS, "sensor")
     found = check_type(checker, item.type)
     size = None
     if item.size is not None:
@@ -222,20 +222,21 @@ def _sensor(checker: Checker, item: ast.SensorDecl) -> ir.Sensor | None:
     )
 
 
-def _reject_reserved(checker: Checker, name: ast.NameNode, reserved: dict[str, str], kind: str) -> None:
+def reject_reserved(checker: Checker, name: ast.NameNode, reserved: dict[str, str], kind: str) -> None:
+    """Report a name that has another meaning in recordings."""
     if name.text in reserved:
         message = f"`{name.text}` is {reserved[name.text]} in recordings, so no {kind} can have this name"
         checker.error("E307", name, message, "choose another name")
 
 
 def _actuator(checker: Checker, item: ast.ActuatorDecl) -> ir.Actuator | None:
-    _reject_reserved(checker, item.name, RESERVED_ACTUATORS, "actuator")
+    reject_reserved(checker, item.name, RESERVED_ACTUATORS, "actuator")
     fields: list[ir.ActuatorField] = []
     units: dict[str, str] = {}
     complete = True
     for field in item.fields:
         found = check_type(checker, field.type)
-        _reject_reserved(checker, field.name, RESERVED_FIELDS, "field")
+        reject_reserved(checker, field.name, RESERVED_FIELDS, "field")
         if field.name.text in units:
             checker.error("E102", field.name, f"field `{field.name.text}` is declared twice")
             continue

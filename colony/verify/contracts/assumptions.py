@@ -13,11 +13,12 @@ from dataclasses import replace
 
 import z3
 
-from colony.ir.expression import Binary, BinaryOperation, Expression, StateValue, ValueOr
+from colony.ir.expression import Binary, Expression, StateValue, ValueOr
 from colony.ir.program import Contract, Program, State, assumptions, without_assumed
 from colony.ir.types import BOOL
 from colony.text.diagnostics import Diagnostic, Label, error, warning
 from colony.text.wording import quoted
+from colony.verify.claims import binary, implies
 from colony.verify.contracts.candidates import HELD
 from colony.verify.contracts.results import ProofOptions
 from colony.verify.contracts.slicing import cone_of, facts, needs_of_slices, slice_of
@@ -35,21 +36,17 @@ def under(program: Program, names: Collection[str]) -> Program:
         return required
     held: Expression = StateValue(type=BOOL, name=HELD)
     for assumption in assumed:
-        held = _joined(Binary.AND, held, assumption.expression)
+        held = binary(Binary.AND, held, assumption.expression)
     state = State(name=HELD, type=BOOL, initial=True, next=held)
     contracts = tuple(
         replace(
             c,
-            expression=replace(_joined(Binary.IMPLIES, held, c.expression), span=c.expression.span),
+            expression=replace(implies(held, c.expression), span=c.expression.span),
             assuming=tuple(a.name for a in assumed),
         )
         for c in required.contracts
     )
     return replace(required, derived=(*required.derived, state), contracts=contracts)
-
-
-def _joined(operator: Binary, left: Expression, right: Expression) -> BinaryOperation:
-    return BinaryOperation(type=BOOL, operator=operator, left=left, right=right)
 
 
 def related(program: Program, contract: str) -> tuple[str, ...]:

@@ -101,11 +101,7 @@ def _reason_lines(reasons: Sequence[Reason]) -> list[str]:
 
 
 def _location(reason: Reason) -> str:
-    source = reason.span.source
-    if not source.text:
-        return ""
-    line, column = source.position(reason.span.start)
-    return f"{source.name}:{line}:{column}: "
+    return f"{reason.span.place}: " if reason.span.source.text else ""
 
 
 def _hint(budget: Budget, abstracted: Sequence[Reason], spurious_models: int, trace: Trace | None) -> str:

@@ -154,12 +154,12 @@ def _explained_run(program: Program, contract: str, trace: Trace) -> Trace:
 def _results(
     program: Program,
     names: list[str],
-    options: ProofOptions | None = None,
-    shapes: dict[str, Shape] | None = None,
-    cache: ProofCache | None = None,
-    on_result: OnResult | None = None,
-    deadline: Deadline | None = None,
-    parts_after: int = 0,
+    options: ProofOptions | None,
+    shapes: dict[str, Shape] | None,
+    cache: ProofCache | None,
+    on_result: OnResult | None,
+    deadline: Deadline | None,
+    parts_after: int,
     proved: Sequence[Result] = (),
 ) -> Iterator[Result]:
     """Yield the result of each contract in `names`, as soon as it is known; `proved` are known to be so.

@@ -147,13 +147,13 @@ def _free(title: str, titles: Set[str]) -> str:
 def _text(program: Program, title: str, snapshots: Sequence[Snapshot]) -> str | None:
     """Return a run as a test that expects what the interpreter decides; None if it cannot pass."""
     interpreter = Interpreter(without_assumed(program))
+    wired = {w.actuator for w in program.wires}
+    actuators = [a for a in program.robot.actuators if a.name in wired]
     expected = []
     for s in snapshots:
         outcome = interpreter.step_in_base_units(s.t_ns, s.readings, restarted=s.restarted)
         if outcome.breaches:
             return None
-        wired = {w.actuator for w in program.wires}
-        actuators = [a for a in program.robot.actuators if a.name in wired]
         is_last = s is snapshots[-1]
         expected.append(tuple(e for a in actuators for e in _expected(interpreter, a, fields=is_last)))
     return test_block(program, title, snapshots, expected)

@@ -2,31 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import Protocol
 
 from colony.ir.memory import ProgramMemory, window_cell
-from colony.ir.program import Example, Program
+from colony.ir.program import Example
 from colony.ir.walk import wiring_graph
 from colony.verify.coverage.obligations import CoveragePlan
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.snapshot import Snapshot
 from colony.verify.testing.frames import snapshots_of
-
-
-class Factory(Protocol):
-    """A factory of interpreters of a program, as a follower of a recording takes it."""
-
-    answered: frozenset[str]
-
-    def begin(self) -> Interpreter:
-        """Return an interpreter with initial memory."""
-        ...
-
-    def resume(self, memory: ProgramMemory) -> Interpreter:
-        """Return an interpreter with this memory."""
-        ...
 
 
 class Recorder:
@@ -70,31 +55,7 @@ def seen_in(plan: CoveragePlan, snapshots: Iterable[Snapshot]) -> frozenset[str]
     return frozenset(recorder.seen)
 
 
-class FollowedPlan:
-    """A factory of interpreters of the instrumented program, which resume from memory of the program itself.
-
-    `interpreters` makes a factory of interpreters of a program.
-    """
-
-    def __init__(self, plan: CoveragePlan, interpreters: Callable[[Program], Factory]) -> None:
-        self._plan = plan
-        self._interpreters = interpreters(replace(plan.instrumented, contracts=plan.program.contracts))
-        self.answered = self._interpreters.answered
-
-    def begin(self) -> Interpreter:
-        """Return an interpreter with initial memory."""
-        return self._interpreters.begin()
-
-    def resume(self, memory: ProgramMemory) -> Interpreter:
-        """Return an interpreter with this memory.
-
-        Raises:
-            ValueError: the memory is not that of the program.
-        """
-        return self._interpreters.resume(_renamed_windows(self._plan, memory))
-
-
-def _renamed_windows(plan: CoveragePlan, memory: ProgramMemory) -> ProgramMemory:
+def with_renamed_windows(plan: CoveragePlan, memory: ProgramMemory) -> ProgramMemory:
     """Return memory of the program as memory of the instrumented one, in which each node is a wire."""
     names = {}
     for node in wiring_graph(plan.program).nodes:

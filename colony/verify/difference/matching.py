@@ -193,10 +193,7 @@ def _type(sensor: Sensor) -> str:
 
 
 def _location(span: Span) -> str:
-    if span is NOWHERE:
-        return "the other behavior"
-    line, column = span.source.position(span.start)
-    return f"{span.source.name}:{line}:{column}"
+    return "the other behavior" if span is NOWHERE else span.place
 
 
 # --- declarations -------------------------------------------------------------------------------------
