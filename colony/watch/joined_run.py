@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -183,15 +183,16 @@ def _press(button: StopButton) -> StopAnswer:
 # --- tuning --------------------------------------------------------------------------------------------
 
 
-def tuner(session: Session) -> Callable[[str, float], str]:
-    """Return the function by which a page gives a tunable param a value."""
+def tuner(session: Session) -> Callable[[Mapping[str, float]], str]:
+    """Return the function by which a page gives tunable params values."""
 
-    def tune(param: str, value: float) -> str:
+    def tune(values: Mapping[str, float]) -> str:
+        names, verb = " and ".join(values), "is" if len(values) == 1 else "are"
         try:
             with session.connect(CLOCK, name="colony watch", timeout_s=ANSWER_TIMEOUT_S) as connection:
-                return f"{param} is in force from frame {connection.do(clock.tune({param: value}))}"
+                return f"{names} {verb} in force from frame {connection.do(clock.tune(values))}"
         except RobotConnectionError as problem:
-            return f"{param} is not changed: {problem}"
+            return f"{names} {verb} not changed: {problem}"
 
     return tune
 

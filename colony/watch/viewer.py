@@ -228,7 +228,7 @@ class Viewer:
         self._changed = asyncio.Event()
         self._asked: AskWhy | None = None
         self._is_asked = asyncio.Event()
-        self._tuned: TuneParam | None = None
+        self._tuned: dict[str, float] = {}  # what the robot was not yet asked for
         self._is_tuned = asyncio.Event()
         self._shown: int | None = None
         self._shown_s = 0.0
@@ -342,7 +342,7 @@ class Viewer:
             case Stop():
                 await self._stop()
             case TuneParam():
-                self._tuned = request
+                self._tuned[request.param] = request.value
                 self._is_tuned.set()
             case _:
                 assert_never(request)
@@ -374,11 +374,11 @@ class Viewer:
         while True:
             await self._is_tuned.wait()
             self._is_tuned.clear()
-            assert self._tuned is not None
+            values, self._tuned = self._tuned, {}
             if tune is None:
                 await self._send(refused="this page may not change params")
                 continue
-            await self._send(tuned=await run_in_threadpool(tune, self._tuned.param, self._tuned.value))
+            await self._send(tuned=await run_in_threadpool(tune, values))
 
 
 async def _until_replaced(is_shown: Callable[[], bool]) -> None:

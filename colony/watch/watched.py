@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from colony.watch.asking import Asker
@@ -29,8 +29,8 @@ class Watched:
         explain: function that returns the reason why a module did or did not command in frame k, as lines;
             it may block. None if nobody can answer.
         stop: function that stops the robot in an emergency; it may block. None without the right to.
-        tune: function that gives a tunable param a value in its declared unit, and returns a sentence about
-            it; it may block. None without the right to.
+        tune: function that gives tunable params values in their declared units, by name, and returns a
+            sentence about them; it may block. None without the right to.
         asker: asks the robot for what frames do not have while a page is open; None without such a robot.
     """
 
@@ -39,5 +39,5 @@ class Watched:
     is_live: bool
     explain: Callable[[int, str], tuple[str, ...]] | None = None
     stop: Callable[[], StopAnswer] | None = None
-    tune: Callable[[str, float], str] | None = None
+    tune: Callable[[Mapping[str, float]], str] | None = None
     asker: Asker | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import http.client
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 
@@ -24,6 +24,7 @@ from colony.watch.serving import (
 )
 from colony.watch.viewer import UNSUPPORTED
 from colony.watch.watched import StopAnswer
+from tests.waiting import until
 from tests.watch.runs import FRAMES, TOKEN, greeted, page, recorded, scene, served
 
 
@@ -198,11 +199,27 @@ def test_params_are_changed_by_who_may() -> None:
             assert not opened.until(lambda m: "scene" in m)["may_tune"]
             opened.ask(do="tune", param="clearance", value=1.0)
             assert opened.until(lambda m: "refused" in m)["refused"] == "this page may not change params"
-        tuning = replace(watched, tune=lambda param, value: f"{param} is {value}")
+        asked = list[str]()
+        is_free = threading.Event()
+
+        def tune(values: Mapping[str, float]) -> str:
+            asked.append(text := " ".join(f"{param} is {value}" for param, value in values.items()))
+            is_free.wait(60)
+            return text
+
+        tuning = replace(watched, tune=tune)
         with served(tuning) as server, page(server.host) as opened:
             assert opened.until(lambda m: "scene" in m)["may_tune"]
             opened.ask(do="tune", param="clearance", value=1)
+            until(lambda: asked, "the robot is asked")
+            opened.ask(do="tune", param="clearance", value=2)
+            opened.ask(do="tune", param="roaming", value=3)
+            opened.ask(do="tune", param="clearance", value=1.5)
+            opened.ask(do="tune", param=5)
+            opened.until(lambda m: "refused" in m)  # so that all were heard
+            is_free.set()
             assert opened.until(lambda m: "tuned" in m)["tuned"] == "clearance is 1.0"
+            assert opened.until(lambda m: "tuned" in m)["tuned"] == "clearance is 1.5 roaming is 3.0"
 
 
 @pytest.mark.parametrize("sent", ["nothing", "half a request", "a handshake without a proof"])
