@@ -17,7 +17,7 @@ from colony.cli.params_choice import params_option
 from colony.cli.progress import ReadingProgress, proof_progress
 from colony.cli.reporting import exit_with, load_program, refuse, say
 from colony.cli.robot_choice import description_option
-from colony.text.wording import counted
+from colony.text.wording import counted, quoted
 
 if TYPE_CHECKING:
     from colony.ir.memory import ProgramMemory
@@ -53,7 +53,7 @@ def text_of(file: str, coverage: Coverage) -> Iterator[str]:
 
 def _lines(plan: CoveragePlan, m: Measured) -> Iterator[str]:
     for goal in m.unseen:
-        yield f"  {m.obligation.span.place}: no frame in which {goal.text}"
+        yield f"  {m.obligation.span.place}: no frame in which {goal.text}{_assuming(m)}"
     if m.runs:
         from colony.verify.contracts.example_block import test_block
 
@@ -61,6 +61,10 @@ def _lines(plan: CoveragePlan, m: Measured) -> Iterator[str]:
         block = test_block(plan.program, "", snapshots, [()] * len(snapshots))
         for line in block.splitlines()[1:-1] if block is not None else ():
             yield f"    {line.strip()}"
+
+
+def _assuming(m: Measured) -> str:
+    return f", assuming {quoted(m.assuming)}" if m.assuming else ""
 
 
 def _name(o: Obligation) -> str:
@@ -78,7 +82,9 @@ def row_of(file: str, coverage: Coverage) -> dict[str, object]:
         line, column = o.span.source.position(o.span.start)
         place = {"file": o.span.source.name, "line": line, "column": column}
         about = {"kind": o.kind, "subject": o.subject, "text": o.text, "state": m.state}
-        obligations.append({**about, **place, "missing": [goal.text for goal in m.unseen]})
+        obligations.append(
+            {**about, **place, "missing": [goal.text for goal in m.unseen], "assuming": m.assuming}
+        )
     kinds = {kind: coverage.counts(kind) for kind in coverage.kinds()}
     of_all = {"file": file, "percent": coverage.percent, "frames": coverage.frames}
     return {**of_all, "counts": coverage.counts(), "kinds": kinds, "obligations": obligations}
@@ -124,6 +130,7 @@ def _follow(recording: str, plan: CoveragePlan, recorder: Recorder) -> None:
         """Interpreters of the instrumented program, which resume from memory of the program itself."""
 
         def resume(self, memory: ProgramMemory) -> Interpreter:
+            recorder.leave_out_remembering()
             return super().resume(with_renamed_windows(plan, memory))
 
     with OpenRecording.at(recording) as opened:

@@ -8,7 +8,7 @@ with a state more, and a run refutes it only if no assumption is broken up to it
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 
 import z3
@@ -34,10 +34,7 @@ def under(program: Program, names: Collection[str]) -> Program:
     assumed = [a for a in assumptions(program) if a.name in names]
     if not assumed:
         return required
-    held: Expression = StateValue(type=BOOL, name=HELD)
-    for assumption in assumed:
-        held = binary(Binary.AND, held, assumption.expression)
-    state = State(name=HELD, type=BOOL, initial=True, next=held)
+    state, held = held_so_far(HELD, assumed)
     contracts = tuple(
         replace(
             c,
@@ -47,6 +44,14 @@ def under(program: Program, names: Collection[str]) -> Program:
         for c in required.contracts
     )
     return replace(required, derived=(*required.derived, state), contracts=contracts)
+
+
+def held_so_far(name: str, assumed: Iterable[Contract]) -> tuple[State, Expression]:
+    """Return a state that remembers whether assumptions held, and the condition that they hold up to now."""
+    held: Expression = StateValue(type=BOOL, name=name)
+    for assumption in assumed:
+        held = binary(Binary.AND, held, assumption.expression)
+    return State(name=name, type=BOOL, initial=True, next=held), held
 
 
 def related(program: Program, contract: str) -> tuple[str, ...]:

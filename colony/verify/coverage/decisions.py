@@ -44,8 +44,10 @@ class AtomicDecision(NamedTuple):
 
 
 def is_composed(e: Expression) -> bool:
-    """Return True for a bool with operands that are bools: a decision, not a condition."""
+    """Return True for a bool with operands that are bools and stand in the text: no condition, a decision."""
     match e:
+        case ir.UnaryOperation(operand=operand) if not operand.span.source.text:
+            return False  # `broken(A)`
         case ir.UnaryOperation(operator=ir.Unary.NOT) | ir.Conditional():
             return isinstance(e.type, Bool)
         case ir.BinaryOperation(operator=operator):

@@ -1,35 +1,48 @@
 """Coverage: which obligations are covered, which never can be, and runs that would cover the others.
 
-The prover is asked whether a goal that was not seen is never true. A proof leaves the obligation out of what
-can be covered; a refutation is a run of the reference interpreter that shows the goal.
+The prover is asked whether a goal that was not seen is never true while assumptions hold. A proof leaves the
+obligation out of what can be covered; a refutation is a run of the reference interpreter that shows the goal.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
+from dataclasses import replace
 from typing import Literal, NamedTuple
 
-from colony.verify.claims import negation
-from colony.verify.contracts.results import RESOURCES_PER_SECOND, ProofOptions, Trace
+from colony.verify.contracts.concrete_runs import LongRuns
+from colony.verify.contracts.prove import ContractProver
+from colony.verify.contracts.results import RESOURCES_PER_SECOND, ProofOptions, Proved, Refuted, Result, Trace
+from colony.verify.contracts.slicing import slice_of
 from colony.verify.coverage.obligations import KINDS, CoverageGoal, CoveragePlan, Kind, Obligation
 from colony.verify.coverage.search import found_near_tests
-from colony.verify.lints.proof import Effort, LintProver, asked
+from colony.verify.lints.proof import Effort, LintProver, Question, asked, with_claims
 
 _QUICK = ProofOptions(depth=1, max_frames=4, resources=RESOURCES_PER_SECOND // 4)
 _FULL = ProofOptions(depth=2, max_frames=12, resources=2 * RESOURCES_PER_SECOND)
-"""The effort for each goal: before runs near the tests are tried, and after."""
+"""The effort for each goal and way to ask: before runs near the tests are tried, and after."""
 
 State = Literal["covered", "uncovered", "unknown", "impossible"]
 """`unknown` is uncovered, and neither a run nor a proof decides whether it can be covered."""
 
 
 class Measured(NamedTuple):
-    """An obligation with its state; `unseen` are the goals of the way that lacks fewest, `runs` show them."""
+    """An obligation with its state; `unseen` are the goals of the way that lacks fewest, `runs` show them.
+
+    One is impossible while the assumptions `assuming` hold.
+    """
 
     obligation: Obligation
     state: State
     unseen: tuple[CoverageGoal, ...] = ()
     runs: tuple[Trace, ...] = ()
+    assuming: tuple[str, ...] = ()
+
+
+class ProvedNever(NamedTuple):
+    """The answer that no run reaches a goal in which the assumptions `assuming` hold."""
+
+    assuming: tuple[str, ...]
 
 
 class Coverage(NamedTuple):
@@ -64,32 +77,60 @@ class GoalProver:
 
     def __init__(self, plan: CoveragePlan) -> None:
         self._plan = plan
-        self._answers: dict[str, Trace | bool] = {}
-        self._quick, self._full = (
-            LintProver(plan.instrumented, Effort(), {}, {}, o) for o in (_QUICK, _FULL)
-        )
+        self._answers: dict[str, Trace | ProvedNever | None] = {}
+        self._quick = LintProver(plan.watching, Effort(), {}, {}, _QUICK)
 
-    def answer(self, goal: CoverageGoal) -> Trace | bool:
-        """Return a run whose last frame reaches a goal, False if none does, True if that is unknown."""
+    def answer(self, goal: CoverageGoal) -> Trace | ProvedNever | None:
+        """Return a run whose last frame reaches a goal, `ProvedNever` if none does, None if that is unknown."""
         if goal.name not in self._answers:
-            self._answers[goal.name] = _answer(self._quick, goal)
+            self._answers[goal.name] = self._answer(goal)
         return self._answers[goal.name]
 
     def search(self, goals: Mapping[str, CoverageGoal]) -> None:
         """Look for runs near tests to those of these goals that are unknown, and ask about the rest again."""
-        unknown = {name: goal for name, goal in goals.items() if self.answer(goal) is True}
+        unknown = {name: goal for name, goal in goals.items() if self.answer(goal) is None}
         self._answers |= dict(found_near_tests(self._plan, unknown.values()))
-        for name, goal in unknown.items():
-            if self._answers[name] is True:
-                self._answers[name] = _answer(self._full, goal)
+        left = {name: goal for name, goal in unknown.items() if self._answers[name] is None}
+        claims = {name: self._plan.claim(goal, self._plan.assumed) for name, goal in left.items()}
+        long_runs = LongRuns(with_claims(self._plan.watching, claims))
+        for name, goal in left.items():
+            result = self._proof(goal, self._plan.assumed, long_runs)
+            if isinstance(result, Refuted):
+                self._answers[name] = result.trace
+            elif isinstance(result, Proved):
+                self._answers[name] = self._never(
+                    lambda names, g=goal: isinstance(self._proof(g, names, long_runs), Proved)  # type: ignore[misc]
+                )
 
+    def _answer(self, goal: CoverageGoal) -> Trace | ProvedNever | None:
+        assumed = self._plan.assumed
+        trace = self._quick.refuted(self._question(goal, assumed))
+        if trace is not None:
+            return trace
+        found = self._never(lambda names: bool(self._quick.proved([self._question(goal, names)])))
+        is_proved = found.assuming != assumed or self._quick.proved([self._question(goal, assumed)])
+        return found if is_proved else None
 
-def _answer(prover: LintProver, goal: CoverageGoal) -> Trace | bool:
-    question = asked(goal.name, negation(goal.condition))
-    trace = prover.refuted(question)
-    if trace is not None:
-        return trace
-    return prover.is_undecided(goal.name) or not prover.proved([question])
+    def _never(self, is_proved: Callable[[tuple[str, ...]], bool]) -> ProvedNever:
+        """Return `ProvedNever` with few of the assumptions: none, one, or as many as cannot be left out."""
+        needed = self._plan.assumed
+        few = ((), *((name,) for name in needed)) if needed else ()
+        found = next((names for names in few if names != needed and is_proved(names)), None)
+        for name in needed if found is None and len(needed) > 2 else ():
+            fewer = tuple(a for a in needed if a != name)
+            needed = fewer if is_proved(fewer) else needed
+        return ProvedNever(needed if found is None else found)
+
+    def _proof(self, goal: CoverageGoal, assuming: Collection[str], long_runs: LongRuns) -> Result:
+        """Return what the prover of contracts finds about a goal: with more effort, and also for floats."""
+        program = with_claims(self._plan.watching, {goal.name: self._plan.claim(goal, assuming)})
+        claim = replace(program.contracts[0], in_time=True)
+        program = replace(program, contracts=(claim,))
+        sliced = slice_of(program, claim)
+        return ContractProver(program, _FULL, long_runs=long_runs, encoded=sliced).prove_disturbed(claim)
+
+    def _question(self, goal: CoverageGoal, assuming: Collection[str]) -> Question:
+        return asked(" ".join((goal.name, *assuming)), self._plan.claim(goal, assuming))
 
 
 def measure(
@@ -131,17 +172,20 @@ def _measured(obligation: Obligation, seen: Set[str], prover: GoalProver) -> Mea
         return Measured(obligation, "covered")
     lacking = [tuple(goal for goal in way if goal.name not in seen) for way in obligation.ways]
     lacking.sort(key=len)
-    impossible = []
+    never: list[list[ProvedNever]] = []
     for way in lacking:
         answers = [prover.answer(goal) for goal in way]
         runs = tuple(a for a in answers if isinstance(a, Trace))
         if len(runs) == len(way):
             return Measured(obligation, "uncovered", way, runs)
-        impossible.append(False in answers)
-    if all(impossible):
-        never = tuple(g for g in lacking[0] if prover.answer(g) is False)
-        return Measured(obligation, "impossible", never)
-    return Measured(obligation, "unknown", lacking[impossible.index(False)])
+        never.append([a for a in answers if isinstance(a, ProvedNever)])
+    if all(never):
+        goals = tuple(g for g in lacking[0] if isinstance(prover.answer(g), ProvedNever))
+        assuming = {
+            name for answers in never for name in min(answers, key=lambda a: len(a.assuming)).assuming
+        }
+        return Measured(obligation, "impossible", goals, assuming=tuple(sorted(assuming)))
+    return Measured(obligation, "unknown", lacking[never.index([])])
 
 
 def in_text_order(measured: Iterable[Measured]) -> Sequence[Measured]:

@@ -3,20 +3,23 @@
 A **goal** is a condition of one frame. An obligation is covered as soon as all goals of one of its ways were
 true in some frame each: most have one way with one goal. A condition of a decision has two, for its two
 values, and two ways if the decision can be true by either. Goals read an instrumented program, in which
-nodes, commands, bounds and conditions have names. They have no memory: the interpreter, the follower of a
-recording and the prover use the same expressions.
+nodes, commands, bounds and conditions have names. The interpreter, the follower of a
+recording and the prover use the same expressions. Only those of contracts have memory if it is written there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 from typing import Literal, NamedTuple
 
+from colony.dsl.check.compatibility import with_new_cells
 from colony.ir import expression as ir
 from colony.ir.expression import Binary, Expression
 from colony.ir.program import (
+    Contract,
     Derived,
     Let,
     Limit,
@@ -24,7 +27,9 @@ from colony.ir.program import (
     Module,
     Program,
     PythonModule,
+    State,
     Transition,
+    assumptions,
 )
 from colony.ir.types import BOOL, Bool
 from colony.ir.walk import WiringNode, all_subexpressions
@@ -39,11 +44,14 @@ from colony.verify.claims import (
     binary,
     constant,
     fresh,
+    implies,
     negation,
     source_text,
     value_or,
     won,
 )
+from colony.verify.contracts.assumptions import held_so_far
+from colony.verify.contracts.candidates import HELD
 from colony.verify.coverage.decisions import AtomicDecision, decision, is_composed
 from colony.verify.lints.case import (
     Case,
@@ -55,10 +63,11 @@ from colony.verify.lints.case import (
     span_of,
     text_of,
 )
+from colony.verify.lints.contracts import premise
 
-Kind = Literal["module", "node", "condition", "limit", "machine", "sensor"]
+Kind = Literal["module", "node", "condition", "limit", "machine", "sensor", "contract"]
 
-KINDS: tuple[Kind, ...] = ("module", "node", "condition", "limit", "machine", "sensor")
+KINDS: tuple[Kind, ...] = ("module", "node", "condition", "limit", "machine", "sensor", "contract")
 
 
 class CoverageGoal(NamedTuple):
@@ -92,6 +101,31 @@ class CoveragePlan:
     def goals(self) -> dict[str, CoverageGoal]:
         """All goals by name."""
         return {goal.name: goal for o in self.obligations for way in o.ways for goal in way}
+
+    @cached_property
+    def _held(self) -> dict[str, tuple[State, Expression]]:
+        """By assumption, the state that remembers whether it held, and that it holds up to now."""
+        return {a.name: held_so_far(f"{HELD} {a.name}", [a]) for a in assumptions(self.program)}
+
+    @cached_property
+    def watching(self) -> Program:
+        """The instrumented program with the states that `claim` and `holds` read."""
+        states = (state for state, _ in self._held.values())
+        return replace(self.instrumented, derived=(*self.instrumented.derived, *states))
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """The names of the assumptions of the program."""
+        return tuple(self._held)
+
+    def holds(self, assuming: Collection[str]) -> Expression:
+        """Return the condition that assumptions hold in all frames up to this one."""
+        return all_of(self._held[name][1] for name in assuming)
+
+    def claim(self, goal: CoverageGoal, assuming: Collection[str]) -> Expression:
+        """Return the claim that a goal is never true while assumptions hold."""
+        never = negation(goal.condition)
+        return implies(self.holds(assuming), never) if assuming else never
 
 
 def plan_of(program: Program, *, everywhere: bool = False) -> CoveragePlan:
@@ -138,6 +172,11 @@ class _Planner:
             if isinstance(machine, Machine) and self._is_own(machine.span):
                 yield from _of_machine(machine)
         yield from self._of_sensors()
+        calls = (x for x in all_subexpressions(self._case.program) if isinstance(x, ir.MemoryCall))
+        cells = count(1 + max((call.cell for call in calls), default=0))
+        for contract in self._case.program.contracts:
+            if self._is_own(contract.span) and not contract.assumed:
+                yield from _of_contract(contract, cells)
 
     # --- decisions -------------------------------------------------------------------------------
 
@@ -151,6 +190,7 @@ class _Planner:
         }
         limits = {limit_condition_name(i): limit for i, limit in enumerate(self._case.program.limits)}
         unwritten = {f"{m.name}.{name}" for m in machines.values() if m.tasks for name in ("held", "time")}
+        unwritten |= {a.name for a in assumptions(self._case.program)}  # of the world, not of the program
         for item in program.derived:
             if isinstance(item, Let) and item.name in conditions:
                 machine, i = conditions[item.name]
@@ -296,6 +336,16 @@ class _Planner:
             if isinstance(r.expression, ir.SensorValue) and r.expression.name == sensor
         )
         return min(places, key=lambda s: s.start, default=next(reads, None))
+
+
+def _of_contract(contract: Contract, cells: Iterator[int]) -> Iterator[Obligation]:
+    """Yield that the left side of an `implies` is true: in all other frames the contract asks for nothing."""
+    left = premise(contract.expression)
+    if left is not None:
+        text = source_text(left)
+        hint = f"`{text}`, the condition of contract `{contract.name}`, is true"
+        own = with_new_cells(left, lambda: next(cells))
+        yield _one("contract", contract.name, text, left.span, own, hint)
 
 
 def _limit_text(limit: Limit) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
+from colony.ir.expression import MemoryCall, subexpressions
 from colony.ir.memory import ProgramMemory, window_cell
 from colony.ir.program import Example
 from colony.ir.walk import wiring_graph
@@ -31,12 +32,22 @@ class Recorder:
             del self._unseen[name]
         self.seen.update(found)
 
-    def run(self, snapshots: Iterable[Snapshot]) -> None:
-        """Record the goals of a run that begins with initial memory."""
-        interpreter = Interpreter(self._plan.instrumented)
+    def leave_out_remembering(self) -> None:
+        """Leave out the goals with memory of their own, for frames before which it is unknown."""
+        for name, goal in tuple(self._unseen.items()):
+            if any(isinstance(x, MemoryCall) for x in subexpressions(goal.condition)):
+                del self._unseen[name]
+
+    def run(self, snapshots: Iterable[Snapshot]) -> bool:
+        """Record the goals of a run that begins with initial memory; return True if all assumptions hold."""
+        interpreter = Interpreter(self._plan.watching)
+        holds = self._plan.holds(self._plan.assumed)
+        is_possible = True
         for s in snapshots:
             interpreter.step_in_base_units(s.t_ns, s.readings, s.lost, s.given, restarted=s.restarted)
             self.look(interpreter)
+            is_possible = is_possible and interpreter.value_of(holds) is True
+        return is_possible
 
     def run_tests(self, tests: Iterable[Example]) -> None:
         """Record the goals of tests.
@@ -49,10 +60,9 @@ class Recorder:
 
 
 def seen_in(plan: CoveragePlan, snapshots: Iterable[Snapshot]) -> frozenset[str]:
-    """Return the goals of a run."""
+    """Return the goals of a run, none of one that breaks an assumption."""
     recorder = Recorder(plan)
-    recorder.run(snapshots)
-    return frozenset(recorder.seen)
+    return frozenset(recorder.seen) if recorder.run(snapshots) else frozenset()
 
 
 def with_renamed_windows(plan: CoveragePlan, memory: ProgramMemory) -> ProgramMemory:

@@ -13,7 +13,6 @@ from random import Random
 from colony.ir.frame import Frame
 from colony.ir.program import is_regular
 from colony.ir.types import Value
-from colony.verify.claims import negation
 from colony.verify.contracts.concrete_runs import GeneratedRuns, Replay
 from colony.verify.contracts.refute import minimize
 from colony.verify.contracts.results import Trace
@@ -44,8 +43,8 @@ def found_near_tests(plan: CoveragePlan, goals: Iterable[CoverageGoal]) -> Itera
     wanted = {goal.name: goal for goal in goals}
     if not wanted or not plan.program.tests or has_python_modules(plan.program):
         return
-    claims = {name: negation(goal.condition) for name, goal in plan.goals.items()}
-    runs, variants = GeneratedRuns(with_claims(plan.instrumented, claims)), _Variants(plan)
+    claims = {name: plan.claim(goal, plan.assumed) for name, goal in plan.goals.items()}
+    runs, variants = GeneratedRuns(with_claims(plan.watching, claims)), _Variants(plan)
     frames, seen = 0, set[frozenset[str]]()
     while frames < _FRAMES and wanted:
         trace = variants.draw()
@@ -56,7 +55,7 @@ def found_near_tests(plan: CoveragePlan, goals: Iterable[CoverageGoal]) -> Itera
                 seen.add(shown)
                 variants.keep(trace[: i + 1])
             for name in shown & wanted.keys():
-                replay = Replay(with_claims(plan.instrumented, {name: claims[name]}), name)
+                replay = Replay(with_claims(plan.watching, {name: claims[name]}), name)
                 if replay.breaks(trace[: i + 1]):
                     del wanted[name]
                     yield name, minimize(replay, trace[: i + 1], _PATIENCE)

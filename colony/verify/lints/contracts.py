@@ -139,12 +139,13 @@ def claims(case: Case) -> Iterator[tuple[str, Expression]]:
     for contract in case.program.contracts:
         if not case.is_own(contract.span):
             continue
-        left = _premise(contract.expression)
+        left = premise(contract.expression)
         if left is not None:
             yield _vacuous(contract), negation(left)
 
 
-def _premise(e: Expression) -> Expression | None:
+def premise(e: Expression) -> Expression | None:
+    """Return the left side of an `implies`, None of anything else."""
     match e:
         case ir.BinaryOperation(operator=ir.Binary.IMPLIES, left=left):
             return left
@@ -155,7 +156,7 @@ def _premise(e: Expression) -> Expression | None:
 def findings(case: Case, proved: Set[str]) -> Iterator[Diagnostic]:
     """Yield the warnings about contracts that constrain nothing."""
     for contract in case.program.contracts:
-        if _vacuous(contract) in proved and (left := _premise(contract.expression)) is not None:
+        if _vacuous(contract) in proved and (left := premise(contract.expression)) is not None:
             yield warning(
                 "V027",
                 left.span,

@@ -20,6 +20,7 @@ from colony.ir.frame import Frame
 from colony.ir.program import Let, Machine, Module, Program
 from colony.ir.types import Bool
 from colony.ir.walk import WiringNode, wiring_graph
+from colony.verify.claims import negation
 from colony.verify.reference import expressions, interpreter
 from colony.verify.reference.interpreter import Interpreter
 
@@ -30,8 +31,14 @@ Vector = tuple[bool, ...]
 
 
 def covered(program: Program, frames: Iterable[Frame], patch: pytest.MonkeyPatch) -> set[Key]:
-    """Return what a run covers of modules, nodes, conditions, machines and sensors."""
+    """Return what a run covers of modules, nodes, conditions, machines, sensors and contracts."""
     program = _with_own_nodes(program)
+    premises = {
+        c.name: replace(c, expression=negation(e.left), in_time=False)
+        for c in program.contracts
+        if isinstance(e := c.expression, ir.BinaryOperation) and e.operator is Binary.IMPLIES
+    }
+    program = replace(program, contracts=tuple(premises.values()))
     values: dict[int, Any] = {}
     evaluate = expressions.evaluate
 
@@ -48,7 +55,8 @@ def covered(program: Program, frames: Iterable[Frame], patch: pytest.MonkeyPatch
     before = executor.states
     for frame in frames:
         values.clear()
-        executor.step(frame)
+        breaches = executor.step(frame).breaches
+        found.update(("contract", name, "") for name in breaches if not executor.is_unknown(name))
         found.update(_of_modules(program, executor))
         found.update(_of_sensors(program, executor))
         outputs = {n.name: executor.node_output(str(n.path[0]), n.path[1:]) for n in nodes.nodes}

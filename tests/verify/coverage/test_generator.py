@@ -15,7 +15,7 @@ from colony.verify.coverage.obligations import plan_of
 from colony.verify.coverage.recorder import Recorder, seen_in
 from colony.verify.coverage.search import found_near_tests
 from colony.verify.testing.examples import run_examples
-from colony.verify.testing.frames import Choices
+from colony.verify.testing.frames import Choices, snapshots_of
 from tests.drawn.program_text import draw_text
 from tests.sampling import sampled
 from tests.verify.small_robot import go, robot
@@ -55,3 +55,46 @@ def test_runs_near_a_test_reach_what_follows_it() -> None:
     assert isinstance(run, Trace)
     assert len(run.snapshots) == 7
     assert name in seen_in(plan, run.snapshots)
+
+
+ASSUMING = (
+    robot()
+    + "assume dry: not bumper\nassume slowly: previous(sonar, sonar) - sonar <= 30 mm\n"
+    + go("backs", "bumper", "-80 mm/s")
+    + go("stands", "value_or(previous(sonar, sonar) - sonar > 50 mm, false)", "0")
+    + go("slows", "sonar < 1 m", "100 mm/s")
+    + go("cruise", "true")
+    + "network { drive = backs suppresses stands suppresses slows suppresses cruise }\n"
+    + "contract near: value_or(sonar < 500 mm and previous(sonar > 500 mm, false), false)"
+    + " implies drive.velocity <= 100 mm/s\n"
+    + "contract wet: value_or(bumper, false) implies drive.velocity <= 0\n"
+)
+
+
+def test_under_assumptions_no_run_breaks_them_and_what_they_exclude_is_impossible() -> None:
+    plan = plan_of(load_text(ASSUMING))
+    coverage = measure(plan, set(), 0, GoalProver(plan))
+    states = {(m.obligation.subject, m.obligation.text): (m.state, m.assuming) for m in coverage.measured}
+    assert states["backs", "active"] == ("impossible", ("dry",))
+    assert states["wet", "value_or(bumper, false)"] == ("impossible", ("dry",))
+    assert states["stands", "active"] == ("impossible", ("slowly",))
+    assert states["slows", "wins"] == ("uncovered", ())
+    assert not coverage.counts()["unknown"]
+    generated = generate(coverage, set())
+    assert not generated.left_out
+    program = load_text("\n".join([ASSUMING, *(test.text for test in generated.tests)]))
+    watched = replace(program, contracts=tuple(replace(c, assumed=False) for c in program.contracts))
+    assert all(result.passed for result in run_examples(watched))  # contracts, and what is assumed
+    covered = Recorder(plan)
+    covered.run_tests(program.tests)
+    counts = with_seen(coverage, covered.seen, 0).counts()
+    assert (counts["covered"], counts["uncovered"]) == (coverage.counts()["uncovered"], 0)
+
+
+def test_a_run_that_breaks_an_assumption_shows_nothing() -> None:
+    plan = plan_of(load_text(ASSUMING + 'test "t" { at 0 s given bumper = true }'))
+    (test,) = plan.program.tests
+    assert not seen_in(plan, snapshots_of(plan.program, test))
+    own = Recorder(plan)
+    own.run_tests([test])  # but a test of the program counts
+    assert "module backs active" in own.seen

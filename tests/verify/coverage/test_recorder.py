@@ -51,6 +51,8 @@ def _keys(plan: CoveragePlan) -> dict[Key, Obligation]:
                 numbers[owner] += 1
             case "module" | "sensor" if o.text != "blind" or o.subject not in python:
                 keys[o.kind, o.subject, o.text] = o
+            case "contract":
+                keys["contract", o.subject, ""] = o
             case "machine":
                 if " -> " not in o.text:
                     keys[o.kind, o.subject, o.text] = o
