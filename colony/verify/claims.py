@@ -8,7 +8,7 @@ from functools import reduce
 
 from colony.ir import expression as ir
 from colony.ir.expression import Binary, Expression
-from colony.ir.types import BOOL, Scalar, ScalarValue
+from colony.ir.types import BOOL, Array, Scalar, ScalarValue
 from colony.text.wording import one_line
 
 # --- source text ---------------------------------------------------------------------------------------
@@ -72,6 +72,16 @@ def negation(e: ir.Expression) -> ir.Expression:
 def binary(operator: Binary, left: ir.Expression, right: ir.Expression) -> ir.Expression:
     """Return an operation whose result is a bool."""
     return ir.BinaryOperation(type=BOOL, operator=operator, left=left, right=right)
+
+
+def present(x: ir.Expression) -> ir.Expression:
+    """Return a bool that is missing where `x` is: `x == x`, of all elements."""
+    if isinstance(x.type, Array):
+        same = ir.BinaryOperation(
+            type=Array(BOOL, x.type.size), operator=Binary.EQUAL, left=x, right=x, span=x.span
+        )
+        return ir.FunctionCall(type=BOOL, function=ir.Function.ALL, arguments=(same,), span=x.span)
+    return binary(Binary.EQUAL, x, x)
 
 
 def implies(left: ir.Expression, right: ir.Expression) -> ir.Expression:

@@ -74,6 +74,12 @@ from colony.verify.interruption import reliable_interrupts
     "--faults", is_flag=True, help="With --examples: also run the traces with failing servers and clients."
 )
 @click.option(
+    "--margin",
+    is_flag=True,
+    help="Also find how wrong, how late and how rare the readings of each sensor may be before a contract "
+    "that is proved falls.",
+)
+@click.option(
     "--report",
     "report_folder",
     type=click.Path(file_okay=False, path_type=Path),
@@ -104,6 +110,7 @@ def command(
     examples: int,
     seed: int,
     faults: bool,
+    margin: bool,
     report_folder: Path | None,
     requirements: Path | None,
     strict: bool,
@@ -133,6 +140,7 @@ def command(
       colony verify --why bump_first hallway
       colony verify --write-test patrol.colony
       colony verify --certificate proofs wander && z3 proofs/never_rams.smt2
+      colony verify --margin --contract slow_near careful.colony
       colony verify --examples 1000 --seed 7 behaviors/*.colony
     """
     context = click.get_current_context()
@@ -164,6 +172,7 @@ def command(
         examples=examples,
         seed=seed,
         faults=faults,
+        margin=margin,
     )
     begun: list[Verified] = []
     try:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from colony.ir.program import Program
     from colony.text.diagnostics import Diagnostic
     from colony.text.source import Span
+    from colony.verify.contracts.margins import Margin
     from colony.verify.contracts.results import Result, Trace
 
 
@@ -49,6 +50,7 @@ def show_rest(verified: Verified) -> None:
     for finding in verified.findings:
         for line in run_lines(verified.program, finding):
             click.echo(f"{verified.file}: {line}" if not line.startswith(" ") else f"  {line}")
+    _show_margins(verified)
     if verified.report is not None:
         from colony.cli.verify.examples import lines as example_lines
 
@@ -57,6 +59,40 @@ def show_rest(verified: Verified) -> None:
     if verified.undecided_questions:
         click.echo(f"{verified.file}: {_undecided_text(verified)}")
     report(_without_repetition(verified))
+
+
+def _show_margins(verified: Verified) -> None:
+    """Print the table of margins, and the runs at their ends."""
+    from colony.verify.contracts.margins import amount_text, margin_lines
+    from colony.verify.contracts.table import table
+
+    if not verified.margins:
+        return
+    click.echo(f"{verified.file}: margins of the readings of sensors; other sensors may read anything:")
+    for line in margin_lines(verified.margins):
+        click.echo(f"  {line}")
+    for m in verified.margins if verified.shows_runs else ():
+        if m.program is not None and m.trace is not None:
+            click.echo(f"{m.contract.name} with `{m.sensor.name}` {amount_text(m, m.refuted)}:")
+            for line in table(m.program, m.contract, m.trace):
+                click.echo(f"    {line}")
+
+
+def _margin_row(m: Margin) -> dict[str, object]:
+    """Return a margin as an object for JSON: amounts in the unit of the sensor, or numbers of readings."""
+    from colony.verify.contracts.report import trace_rows
+
+    size = m.sensor.factor if m.kind == "wrong" else 1.0
+    return {
+        "contract": m.contract.name,
+        "sensor": m.sensor.name,
+        "kind": m.kind,
+        "unit": m.sensor.unit if m.kind == "wrong" else "readings",
+        "proved": m.proved / size,
+        "refuted": None if m.refuted is None else m.refuted / size,
+        "complete": m.is_complete,
+        "trace": None if m.program is None or m.trace is None else trace_rows(m.program, m.trace),
+    }
 
 
 def _without_repetition(verified: Verified) -> list[Diagnostic]:
@@ -138,6 +174,8 @@ def _json(verified_files: Sequence[Verified], interrupted: bool) -> str:
             from colony.cli.verify.examples import row as example_row
 
             entry["examples"] = example_row(verified.program, verified.report)
+        if verified.margins:
+            entry["margins"] = [_margin_row(m) for m in verified.margins]
         files.append(
             {**entry, "left_open": verified.undecided_questions, "diagnostics": _diagnostic_rows(verified)}
         )

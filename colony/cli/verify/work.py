@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import redirect_stdout
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from colony.ir.program import Program
     from colony.text.diagnostics import Diagnostic
     from colony.verify.contracts.kept import ProofCache
+    from colony.verify.contracts.margins import Margin
     from colony.verify.contracts.prove import ContractProver
     from colony.verify.contracts.results import ProofOptions, Refuted, Result
     from colony.verify.contracts.solver import Deadline
@@ -149,6 +150,13 @@ _LINT_FACTOR = 2
 """Limit for all questions about modules that can never act, in multiples of the limit per contract."""
 
 
+_SECONDS_OF_A_MARGIN = 2
+"""Limit for each attempt at a contract with other readings, in seconds of the prover."""
+
+_SECONDS_OF_MARGINS = 600
+"""Limit for all margins of a file without `--timeout`, in seconds of the prover."""
+
+
 @dataclass(slots=True, frozen=False)
 class Verified:
     """The results for a file so far. Mutable.
@@ -162,6 +170,8 @@ class Verified:
     results: list[Result] = field(default_factory=list)
     findings: list[Finding] = field(default_factory=list)
     report: DifferentialReport | None = None
+    margins: list[Margin] = field(default_factory=list)
+    shows_runs: bool = False  # of margins, too
     undecided_questions: int = 0  # questions about modules that can never act
     writes_tests: bool = False
     checked: Program | None = None
@@ -235,6 +245,7 @@ class Work:
     examples: int
     seed: int
     faults: bool
+    margin: bool
 
     def run(self, verified: Verified, on_progress: ReportProgress) -> Iterator[Result]:
         """Do all of the work on a file, and yield the result of each contract when it is known."""
@@ -255,6 +266,8 @@ class Work:
 
         proofs = _Proofs(program, names, options, cache, Deadline(options.total, on_stage))
         yield from self._contracts(verified, proofs, on_progress)
+        if self.margin:
+            self._margins(verified, on_stage)
         self._assumptions(verified, proofs)
         self._lints(verified, verified.program, proofs, on_progress)
         if self.examples:
@@ -287,6 +300,19 @@ class Work:
             yield result
             count = len(verified.results)
             on_progress(count, len(names), names[count] if count < len(names) else "what can never act")
+
+    def _margins(self, verified: Verified, on_stage: Callable[[str], None]) -> None:
+        from colony.verify.contracts.margins import margins
+        from colony.verify.contracts.results import RESOURCES_PER_SECOND, ProofOptions
+        from colony.verify.contracts.solver import Deadline
+
+        assert verified.checked is not None
+        options = ProofOptions.within(_SECONDS_OF_A_MARGIN, depth=self.depth)
+        seconds = self.timeout or _SECONDS_OF_MARGINS
+        deadline = Deadline(round(seconds * RESOURCES_PER_SECOND), on_stage)
+        verified.shows_runs = bool(self.names)
+        for margin in margins(verified.checked, verified.results, options, deadline):
+            verified.margins.append(margin)
 
     def _assumptions(self, verified: Verified, proofs: _Proofs) -> None:
         """Look for assumptions that no run meets, or that are always true."""

@@ -114,7 +114,7 @@ def results(
             made, asked, options, None, own_cache, lambda p, _: provers.append(p), deadline, parts, proved
         )
         *_, result = (r for r in found if r.contract.name == name)
-        return (provers[-1] if provers else None), _explained(required, result)
+        return (provers[-1] if provers else None), explained(required, result)
 
     for number, before in enumerate(left):
         name, parts = before.contract.name, parts_after + len(left) - number - 1
@@ -134,7 +134,7 @@ def results(
         yield result
 
 
-def _explained(program: Program, result: Result) -> Result:
+def explained(program: Program, result: Result) -> Result:
     """Return a result under assumptions with its run explained by the contract alone."""
     match result:
         case Refuted(trace=trace):

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 from colony.ir import expression as ir
 from colony.ir.expression import Binary, Expression, rebuilt
-from colony.ir.types import BOOL, Array, Bool
-from colony.verify.claims import TRUE, all_of, any_of, binary, negation
+from colony.ir.types import BOOL, Bool
+from colony.verify.claims import TRUE, all_of, any_of, binary, negation, present
 
 _JUNCTIONS = (Binary.AND, Binary.OR, Binary.IMPLIES)
 
@@ -77,7 +77,7 @@ def decision(e: Expression, name: Callable[[int], str], *, in_module: bool) -> A
         return make(type=BOOL, name=name(len(atoms) - 1), span=part.span)
 
     outcome = named(e)
-    needed = [] if in_module else [*dict.fromkeys(_present(x) for atom in atoms for x in _needed(atom))]
+    needed = [] if in_module else [*dict.fromkeys(present(x) for atom in atoms for x in _needed(atom))]
     lets = tuple(
         (name(i), all_of((atom, any_of((TRUE, *needed)))) if len(atoms) > 1 and needed else atom)
         for i, atom in enumerate(atoms)
@@ -129,13 +129,3 @@ def _needed(e: Expression) -> Iterator[Expression]:
         case _:
             for child in ir.children(e):
                 yield from _needed(child)
-
-
-def _present(x: Expression) -> Expression:
-    """Return a bool that needs `x`."""
-    if isinstance(x.type, Array):
-        same = ir.BinaryOperation(
-            type=Array(BOOL, x.type.size), operator=Binary.EQUAL, left=x, right=x, span=x.span
-        )
-        return ir.FunctionCall(type=BOOL, function=ir.Function.ALL, arguments=(same,), span=x.span)
-    return binary(Binary.EQUAL, x, x)

@@ -81,7 +81,7 @@ class GoalProver:
         self._quick = LintProver(plan.watching, Effort(), {}, {}, _QUICK)
 
     def answer(self, goal: CoverageGoal) -> Trace | ProvedNever | None:
-        """Return a run whose last frame reaches a goal, `ProvedNever` if none does, None if that is unknown."""
+        """Return a run whose last frame reaches a goal, `ProvedNever`, or None if neither is known."""
         if goal.name not in self._answers:
             self._answers[goal.name] = self._answer(goal)
         return self._answers[goal.name]

@@ -16,6 +16,7 @@ from colony.verify.contracts import certificate
 from tests.cli.conftest import Colony
 from tests.cli.machine import Machine, failed
 from tests.sampling import long
+from tests.verify.small_robot import go, robot
 from tests.waiting import until
 
 TRUE = "contract backs: drive by back implies drive.velocity <= 0\n"
@@ -440,6 +441,36 @@ def test_limits_that_contradict_on_hold_fail(colony: Colony, behavior: Path) -> 
     code, out, err = colony("verify", behavior)
     assert (code, err.count("error[V033]")) == (1, 1)
     assert "by reach (limits contradict): nothing is sent" in out
+
+
+# --- margins ---------------------------------------------------------------------------------------
+
+WIDE = (
+    robot()
+    + go("cruise", "true")
+    + go("slow", "sonar < 1200 mm", "100 mm/s").replace("module", "failsafe module")
+    + "network { drive = slow suppresses cruise }\n"
+    + "contract near: value_or(sonar < 1 m, false) implies drive.velocity <= 100 mm/s\n"
+    + "contract hit: value_or(bumper, false) implies drive.velocity <= 300 mm/s\n"
+)
+
+
+def test_margins_are_a_table_with_a_run_at_each_end(colony: Colony, tmp_path: Path) -> None:
+    (tmp_path / "wide.colony").write_text(WIDE)
+    out = colony.output("verify", "--margin", "--contract", "near", "wide.colony")
+    assert "  near      sonar   ± 190 mm            ± 200 mm\n" in out
+    assert "near with `sonar` late by 1 reading:\n    time" in out
+    assert "near with" not in colony.output("verify", "--margin", "wide.colony")
+    found = json.loads(colony.output("verify", "--margin", "--format", "json", "wide.colony"))
+    margins = found["files"][0]["margins"]
+    assert [(m["contract"], m["kind"], m["unit"]) for m in margins] == [
+        ("near", "wrong", "mm"),
+        ("near", "late", "readings"),
+        ("near", "rare", "readings"),
+    ]
+    assert all(m["complete"] and m["proved"] < m["refuted"] for m in margins)
+    assert margins[0]["trace"][-1]["frame"]["sonar error"] > 0
+    assert margins[0]["trace"][-1]["broken"] == ["near"]
 
 
 # --- interruption ----------------------------------------------------------------------------------
