@@ -22,20 +22,23 @@ from colony.text.wording import counted, quoted
 if TYPE_CHECKING:
     from colony.ir.memory import ProgramMemory
     from colony.verify.coverage.measure import Coverage, Measured
-    from colony.verify.coverage.obligations import CoveragePlan, Obligation
+    from colony.verify.coverage.obligations import CoverageGoal, CoveragePlan, Obligation
     from colony.verify.coverage.recorder import Recorder
     from colony.verify.reference.interpreter import Interpreter
 
 # --- text ----------------------------------------------------------------------------------------------
 
 
+def share_text(coverage: Coverage) -> str:
+    """Return `3 of 4 obligations covered (75.0 %)`."""
+    possible = counted(coverage.possible, "obligation")
+    return f"{coverage.counts()['covered']} of {possible} covered ({coverage.percent:.1f} %)"
+
+
 def text_of(file: str, coverage: Coverage) -> Iterator[str]:
     """Yield the table by kinds, and what is not covered."""
-    counts = coverage.counts()
-    possible = len(coverage.measured) - counts["impossible"]
-    share = f"{counts['covered']} of {counted(possible, 'obligation')} covered ({coverage.percent:.1f} %)"
-    yield f"{file}: {share} in {counted(coverage.frames, 'frame')}"
-    rows: list[tuple[str, Iterable[object]]] = [("", counts)]
+    yield f"{file}: {share_text(coverage)} in {counted(coverage.frames, 'frame')}"
+    rows: list[tuple[str, Iterable[object]]] = [("", coverage.counts())]
     rows += [(kind, coverage.counts(kind).values()) for kind in coverage.kinds()]
     for heading, columns in rows if coverage.measured else ():
         yield f"  {heading:10}" + "".join(f"{x!s:>12}" for x in columns)
@@ -53,18 +56,25 @@ def text_of(file: str, coverage: Coverage) -> Iterator[str]:
 
 def _lines(plan: CoveragePlan, m: Measured) -> Iterator[str]:
     for goal in m.unseen:
-        yield f"  {m.obligation.span.place}: no frame in which {goal.text}{_assuming(m)}"
+        yield f"  {m.obligation.span.place}: {lacking_text(m, goal)}"
+    for line in steps_of(plan, m):
+        yield f"    {line}"
+
+
+def lacking_text(m: Measured, goal: CoverageGoal) -> str:
+    """Return what no frame shows, with the assumptions under which none can."""
+    return f"no frame in which {goal.text}" + (f", assuming {quoted(m.assuming)}" if m.assuming else "")
+
+
+def steps_of(plan: CoveragePlan, m: Measured) -> Iterator[str]:
+    """Yield the steps of a test that shows the first frame that an obligation lacks, if there is a run."""
     if m.runs:
         from colony.verify.contracts.example_block import test_block
 
         snapshots = m.runs[0].snapshots
         block = test_block(plan.program, "", snapshots, [()] * len(snapshots))
         for line in block.splitlines()[1:-1] if block is not None else ():
-            yield f"    {line.strip()}"
-
-
-def _assuming(m: Measured) -> str:
-    return f", assuming {quoted(m.assuming)}" if m.assuming else ""
+            yield line.strip()
 
 
 def _name(o: Obligation) -> str:
@@ -162,6 +172,15 @@ def _with_generated(file: str, coverage: Coverage, seen: set[str]) -> Coverage:
     return with_seen(coverage, seen.union(*(test.goals for test in generated.tests)), frames)
 
 
+def _write_files(file: str, coverage: Coverage, lcov: Path | None, html: Path | None) -> None:
+    if lcov is not None:
+        write_whole(lcov, lcov_of(coverage))
+    if html is not None:
+        from colony.cli.coverage_page import page_of
+
+        write_whole(html, page_of(file, coverage))
+
+
 # --- command -------------------------------------------------------------------------------------------
 
 
@@ -177,6 +196,12 @@ def _with_generated(file: str, coverage: Coverage, seen: set[str]) -> Coverage:
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="PATH",
     help="Write the result for editors, too: obligations as branches of their lines.",
+)
+@click.option(
+    "--html",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="PATH",
+    help="Write the source with what each line and condition lacks, as one page.",
 )
 @click.option(
     "--generate",
@@ -197,6 +222,7 @@ def command(
     everywhere: bool,
     format_: str,
     lcov: Path | None,
+    html: Path | None,
     generates: bool,
     fail_under: float | None,
 ) -> None:
@@ -212,7 +238,7 @@ def command(
     Example:
       colony coverage wander
       colony coverage patrol.colony --generate
-      colony coverage wander run.mcap --lcov wander.info
+      colony coverage wander run.mcap --lcov wander.info --html wander.html
     """
     from colony.text.diagnostics import DiagnosticError
     from colony.verify.coverage.measure import GoalProver, measure
@@ -223,8 +249,9 @@ def command(
         from colony.cli.verify.work import check_writable
 
         check_writable(file, "--generate")
-    if lcov is not None:
-        check_output(lcov, (file, *recordings))
+    for written in (lcov, html):
+        if written is not None:
+            check_output(written, (file, *recordings))
     program = load_program(file)
     plan = plan_of(program, everywhere=everywhere)
     recorder = Recorder(plan)
@@ -246,8 +273,7 @@ def command(
         coverage = measure(plan, recorder.seen, recorder.frames, GoalProver(plan), on_obligation)
     if generates:
         coverage = _with_generated(file, coverage, recorder.seen)
-    if lcov is not None:
-        write_whole(lcov, lcov_of(coverage))
+    _write_files(file, coverage, lcov, html)
     if format_ == "json":
         import json
 

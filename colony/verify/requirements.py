@@ -34,16 +34,27 @@ class Requirement(NamedTuple):
     contracts: tuple[tuple[str, str], ...]
 
 
-def read_requirements(path: Path) -> dict[str, str]:
-    """Return the texts of requirements by id, from TOML (`"SR-12" = "text"`) or from CSV (`id,text`).
+class RequirementTable(NamedTuple):
+    """A file with the texts of requirements, by id."""
+
+    name: str
+    data: bytes
+    texts: dict[str, str]
+
+
+def read_requirements(path: Path) -> RequirementTable:
+    """Return the texts of requirements, from TOML (`"SR-12" = "text"`) or from CSV (`id,text`).
 
     Raises:
         OSError: the file cannot be read.
         ValueError: it is no such table; the message says what is wrong.
     """
-    text = read_file(path, MAX_TABLE_BYTES).decode("utf-8-sig")
-    if path.suffix.lower() == ".csv":
-        return _csv(text)
+    data = read_file(path, MAX_TABLE_BYTES)
+    text = data.decode("utf-8-sig")
+    return RequirementTable(path.name, data, _csv(text) if path.suffix.lower() == ".csv" else _toml(text))
+
+
+def _toml(text: str) -> dict[str, str]:
     table = tables_of(text)
     for name, value in table.items():
         if not isinstance(value, str):

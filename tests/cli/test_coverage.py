@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from html import unescape
 from pathlib import Path
 
 import pytest
@@ -66,6 +68,22 @@ def test_lcov_has_obligations_as_branches_of_lines(colony: Colony, roam: Path) -
     assert branches == ["1", "1", "0"]  # active, wins, dominated
     assert "DA:9,2" in lines
     assert ("BRF:19" in lines, "BRH:5" in lines, lines[-1]) == (True, True, "end_of_record")
+
+
+def test_the_page_shows_below_each_line_what_it_lacks(colony: Colony, roam: Path) -> None:
+    colony.output("coverage", "roam.colony", "--html", "roam.html")
+    page = Path("roam.html").read_text()
+    assert "<p>5 of 19 obligations covered (26.3 %) in 1 frame</p>" in page
+    assert "<script" not in page
+    assert "http" not in page
+    rows = re.findall(r"<tr class=.*?</tr>", page, flags=re.DOTALL)
+    assert rows[9].startswith('<tr class="uncovered"><td>10</td><td>0/')
+    assert '<mark class="uncovered">sonar &lt; 1 m</mark>' in rows[9]
+    lacking = "<li>no frame in which `sonar &lt; 1 m` is true and decides `avoid`"
+    assert f"{lacking}<pre>at 0 s given sonar = 0 mm, bumper = false</pre></li>" in rows[9]
+    code = (re.sub(r"<ul>.*</ul>|</?mark[^>]*>", "", row, flags=re.DOTALL) for row in rows)
+    lines = [unescape(re.fullmatch(r".*<td>(.*)</td></tr>", row)[1]) for row in code]  # type: ignore[index]
+    assert lines == ROAM.splitlines()
 
 
 def test_what_is_proved_impossible_is_left_out(colony: Colony, tmp_path: Path) -> None:

@@ -202,7 +202,7 @@ def _report_writer(folder: Path, table: Path | None) -> Callable[..., bool]:
     """Return the function that writes the report; a table of requirements is read before the work begins."""
     from colony.cli.verify.requirement_report import requirements_table, write_report
 
-    return partial(write_report, folder, table, requirements_table(table))
+    return partial(write_report, folder, requirements_table(table))
 
 
 def _check_names(names: Sequence[str], files: Sequence[Verified], context: click.Context) -> None:

@@ -14,18 +14,29 @@ from contextlib import redirect_stdout
 from html import escape
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
 from colony import __version__
 from colony.cli.outputs import write_whole
 from colony.cli.params_choice import chosen_params
+from colony.cli.progress import proof_progress
 from colony.cli.verify.work import Verified
 from colony.files import reason
 from colony.ir.version import SEMANTICS
 from colony.text.wording import counted
-from colony.verify.requirements import MET, UNMET, Requirement, read_requirements, requirements_of
+from colony.verify.requirements import (
+    MET,
+    UNMET,
+    Requirement,
+    RequirementTable,
+    read_requirements,
+    requirements_of,
+)
+
+if TYPE_CHECKING:
+    from colony.verify.coverage.measure import Coverage
 
 TRUSTED = (
     "the reference interpreter, which is the language reference, executed",
@@ -38,8 +49,8 @@ TRUSTED = (
 """The trusted base, in short; docs/theory.md gives the reasons."""
 
 
-def requirements_table(path: Path | None) -> dict[str, str] | None:
-    """Return the texts of requirements, None without a table; exit with 2 if it cannot be read."""
+def requirements_table(path: Path | None) -> RequirementTable | None:
+    """Return the table of requirements, None without one; exit with 2 if it cannot be read."""
     if path is None:
         return None
     try:
@@ -52,8 +63,7 @@ def requirements_table(path: Path | None) -> dict[str, str] | None:
 
 def write_report(
     folder: Path,
-    table: Path | None,
-    texts: dict[str, str] | None,
+    table: RequirementTable | None,
     files: Sequence[Verified],
     *,
     on_stderr: bool,
@@ -64,7 +74,7 @@ def write_report(
         True if each requirement is met.
     """
     results = [result for verified in files for result in verified.results]
-    requirements = requirements_of(texts, results)
+    requirements = requirements_of(None if table is None else table.texts, results)
     found = _report(files, table, requirements)
     write_whole(folder / "report.json", json.dumps(found, indent=2) + "\n")
     write_whole(folder / "index.html", _html(found))
@@ -80,13 +90,14 @@ def write_report(
 
 
 def _report(
-    files: Sequence[Verified], table: Path | None, requirements: Iterable[Requirement]
+    files: Sequence[Verified], table: RequirementTable | None, requirements: Iterable[Requirement]
 ) -> dict[str, Any]:
     site = chosen_params()
-    others = [path for path in (table, None if site is None else Path(site.file)) if path is not None]
+    covered = [_covered(verified) for verified in files]
     programs = [file.program for file in files if file.program]
     inputs = [(path, source.text.encode()) for program in programs for path, source in program.files]
-    inputs += [(path.name, path.read_bytes()) for path in others]
+    inputs += [] if table is None else [(table.name, table.data)]
+    inputs += [] if site is None else [(Path(site.file).name, Path(site.file).read_bytes())]
     return {
         "versions": {
             "colony": __version__,
@@ -98,10 +109,17 @@ def _report(
             {"path": path, "sha256": hashlib.sha256(data).hexdigest()} for path, data in dict(inputs).items()
         ],
         "requirements": [
-            {**each._asdict(), "contracts": [{"contract": n, "verdict": v} for n, v in each.contracts]}
+            {
+                **each._asdict(),
+                "contracts": [{"contract": n, "verdict": v} for n, v in each.contracts],
+                "coverage": _counted([c.of_contracts(n for n, _ in each.contracts) for c in covered]),
+            }
             for each in requirements
         ],
-        "files": [_file(verified) for verified in files],
+        "files": [
+            {**_file(verified), "coverage": _coverage_row(each)}
+            for verified, each in zip(files, covered, strict=True)
+        ],
         "trusted": TRUSTED,
     }
 
@@ -129,6 +147,50 @@ def _file(verified: Verified) -> dict[str, Any]:
     return {"file": name, "contracts": contracts, "tests": tests, "findings": findings}
 
 
+class _Covered(NamedTuple):
+    """The coverage of a file by its tests, and the names of what each contract depends on."""
+
+    all: Coverage
+    needs: dict[str, frozenset[str]]
+
+    def of_contracts(self, names: Iterable[str]) -> Coverage:
+        """Return the coverage of contracts, and of the declarations that they depend on."""
+        return self.all.of({x for name in names for x in (name, *self.needs.get(name, ()))})
+
+
+def _covered(verified: Verified) -> _Covered:
+    from colony.verify.contracts.results import with_reaches
+    from colony.verify.contracts.slicing import needs_of_slices
+    from colony.verify.coverage.measure import coverage_by_tests
+
+    assert verified.checked is not None
+    needs = needs_of_slices(with_reaches(verified.checked))
+    with proof_progress() as (on_progress, _), redirect_stdout(sys.stderr):  # for prints of Python modules
+        coverage = coverage_by_tests(verified.checked, on_progress)
+    return _Covered(coverage, {name: each.values | each.parts for name, each in needs.items()})
+
+
+def _counted(coverages: Sequence[Coverage]) -> dict[str, int]:
+    """Return how many obligations are covered, of those that can be."""
+    covered = sum(coverage.counts()["covered"] for coverage in coverages)
+    return {"covered": covered, "possible": sum(coverage.possible for coverage in coverages)}
+
+
+def _coverage_row(found: _Covered) -> dict[str, Any]:
+    from colony.cli.coverage import lacking_text
+
+    lacking = {
+        state: [
+            f"{m.obligation.span.place}: {lacking_text(m, g)}"
+            for m in found.all.measured
+            if m.state == state
+            for g in m.unseen
+        ]
+        for state in ("uncovered", "unknown", "impossible")
+    }
+    return {**_counted([found.all]), **lacking}
+
+
 def _remarks(contract: dict[str, Any]) -> Iterable[str]:
     """Yield what restricts a verdict, and the reasons of one that is open."""
     if contract.get("operators") is False:
@@ -154,10 +216,14 @@ def _html(found: dict[str, Any]) -> str:
             each["text"],
             each["status"],
             ", ".join(c["contract"] for c in each["contracts"]) or "–",
+            _share(each["coverage"]) if each["contracts"] else "–",
         )
         for each in found["requirements"]
     ]
-    parts = ["<h1>Requirements</h1>", _table(("requirement", "text", "status", "contracts"), requirements)]
+    parts = [
+        "<h1>Requirements</h1>",
+        _table(("requirement", "text", "status", "contracts", "covered by tests"), requirements),
+    ]
     for file in found["files"]:
         contracts = [
             (
@@ -174,6 +240,12 @@ def _html(found: dict[str, Any]) -> str:
             f"<h2>{escape(file['file'])}</h2>",
             _table(("contract", "verdict", "requirements", "place", "remarks"), contracts),
             _table(("test", "result"), tests),
+            f"<p>Covered by tests: {_share(file['coverage'])} obligations</p>",
+            *(
+                _table((heading,), [(text,) for text in file["coverage"][heading]])
+                for heading in ("uncovered", "unknown", "impossible")
+                if file["coverage"][heading]
+            ),
             *([_table(("findings",), [(text,) for text in file["findings"]])] if file["findings"] else []),
         ]
     hashes = [(each["path"], each["sha256"]) for each in found["inputs"]]
@@ -183,6 +255,10 @@ def _html(found: dict[str, Any]) -> str:
     head = f'<meta charset="utf-8"><title>Requirements</title><style>{_STYLE}</style>'
     body = "\n".join(parts)
     return f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>{body}</body></html>\n'
+
+
+def _share(counts: dict[str, int]) -> str:
+    return f"{counts['covered']} of {counts['possible']}"
 
 
 def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -10,11 +10,20 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, S
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
+from colony.ir.program import Program
 from colony.verify.contracts.concrete_runs import LongRuns
 from colony.verify.contracts.prove import ContractProver
 from colony.verify.contracts.results import RESOURCES_PER_SECOND, ProofOptions, Proved, Refuted, Result, Trace
 from colony.verify.contracts.slicing import slice_of
-from colony.verify.coverage.obligations import KINDS, CoverageGoal, CoveragePlan, Kind, Obligation
+from colony.verify.coverage.obligations import (
+    KINDS,
+    CoverageGoal,
+    CoveragePlan,
+    Kind,
+    Obligation,
+    plan_of,
+)
+from colony.verify.coverage.recorder import Recorder
 from colony.verify.coverage.search import found_near_tests
 from colony.verify.lints.proof import Effort, LintProver, Question, asked, with_claims
 
@@ -61,11 +70,18 @@ class Coverage(NamedTuple):
         return states
 
     @property
+    def possible(self) -> int:
+        """The number of obligations that are not proved impossible."""
+        return len(self.measured) - self.counts()["impossible"]
+
+    def of(self, declared: Collection[str]) -> Coverage:
+        """Return the coverage of what belongs to some declarations."""
+        return self._replace(measured=tuple(m for m in self.measured if m.obligation.of in declared))
+
+    @property
     def percent(self) -> float:
         """The covered share of what is not proved impossible, in percent; 100 of nothing."""
-        counts = self.counts()
-        possible = len(self.measured) - counts["impossible"]
-        return 100.0 if not possible else 100.0 * counts["covered"] / possible
+        return 100.0 if not self.possible else 100.0 * self.counts()["covered"] / self.possible
 
     def kinds(self) -> tuple[Kind, ...]:
         """Return the kinds of which there are obligations."""
@@ -152,6 +168,22 @@ def measure(
     prover.search({goal.name: goal for m in measured if m.state == "unknown" for goal in m.unseen})
     decided = (_measured(m.obligation, seen, prover) if m.state == "unknown" else m for m in measured)
     return Coverage(plan, frames, tuple(decided))
+
+
+def coverage_by_tests(program: Program, on_progress: Callable[[int, int, str], None]) -> Coverage:
+    """Return the coverage of a program by its tests.
+
+    Raises:
+        DiagnosticError: a module in Python cannot be imported and built.
+    """
+    plan = plan_of(program)
+    recorder = Recorder(plan)
+    recorder.run_tests(program.tests)
+
+    def on_obligation(number: int, subject: str) -> None:
+        on_progress(number, len(plan.obligations), subject)
+
+    return measure(plan, recorder.seen, recorder.frames, GoalProver(plan), on_obligation)
 
 
 def with_seen(coverage: Coverage, seen: Set[str], frames: int) -> Coverage:

@@ -79,13 +79,17 @@ class CoverageGoal(NamedTuple):
 
 
 class Obligation(NamedTuple):
-    """An obligation of a kind about `subject`: all goals of one of `ways` are to be seen. `text` names it."""
+    """An obligation of a kind about `subject`: all goals of one of `ways` are to be seen. `text` names it.
+
+    `of` is the declaration that it belongs to: a module, wire, actuator, derived value, sensor or contract.
+    """
 
     kind: Kind
     subject: str
     text: str
     span: Span
     ways: tuple[tuple[CoverageGoal, ...], ...]
+    of: str
 
 
 @dataclass(frozen=True, slots=False, kw_only=True)
@@ -138,11 +142,30 @@ def plan_of(program: Program, *, everywhere: bool = False) -> CoveragePlan:
 
 
 def _one(
-    kind: Kind, subject: str, text: str, span: Span, condition: Expression, hint: str, key: str = ""
+    kind: Kind,
+    subject: str,
+    text: str,
+    span: Span,
+    condition: Expression,
+    hint: str,
+    key: str = "",
+    of: str = "",
 ) -> Obligation:
-    """Return an obligation with one goal; `key` sets apart those of the same subject and text."""
+    """Return an obligation with one goal; `key` sets apart those of the same subject and text.
+
+    It belongs to the declaration `of`, by default to `subject`.
+    """
     goal = CoverageGoal(f"{kind} {key or subject} {text}", value_or(condition, FALSE), hint)
-    return Obligation(kind, subject, text, span, ((goal,),))
+    return Obligation(kind, subject, text, span, ((goal,),), of or subject)
+
+
+class _Decision(NamedTuple):
+    """A decision of a declaration, with its name in texts and the condition under which it counts."""
+
+    of: str
+    owner: str
+    made: AtomicDecision
+    counts: Expression
 
 
 class _Planner:
@@ -150,7 +173,7 @@ class _Planner:
 
     def __init__(self, case: Case, main: Source | None) -> None:
         self._case, self._main = case, main
-        self._decisions: list[tuple[str, AtomicDecision, Expression]] = []  # owner, decision, where it counts
+        self._decisions: list[_Decision] = []
 
     def _is_own(self, span: Span) -> bool:
         return self._main is None or span.source is self._main
@@ -163,8 +186,8 @@ class _Planner:
         for node in self._case.network.nodes.values():
             if self._is_own(span_of(node)):
                 yield from self._of_node(node)
-        for owner, made, counts in self._decisions:
-            yield from _of_decision(owner, made, counts)
+        for found in self._decisions:
+            yield from _of_decision(found)
         for number, limit in enumerate(self._case.program.limits):
             if self._is_own(limit.span):
                 yield from self._of_limit(number, limit)
@@ -197,24 +220,28 @@ class _Planner:
                 is_limit = bool(machine.tasks) and machine.transitions[i].failsafe  # of the time of a task
                 if self._is_own(machine.span) and not is_limit:
                     owner = f"{machine.name}: {transition_text(machine, machine.transitions[i])}"
-                    item = self._of_let(item, owner, _considered(machine, i), derived, always=True)
+                    counts = _considered(machine, i)
+                    item = self._of_let(item, machine.name, owner, derived, counts)
             elif isinstance(item, Let) and item.name in limits:
-                if self._is_own(limits[item.name].span):
-                    item = self._of_let(item, _limit_text(limits[item.name]), TRUE, derived)
+                limit = limits[item.name]
+                if self._is_own(limit.span):
+                    item = self._of_let(item, limit.actuator, _limit_text(limit), derived)
             elif isinstance(item, Let) and self._is_own(item.span) and item.name not in unwritten:
-                item = self._of_let(item, item.name, TRUE, derived)
+                item = self._of_let(item, item.name, item.name, derived)
             derived.append(item)
         modules = tuple(self._of_text(m) if isinstance(m, Module) else m for m in program.modules)
         return replace(program, derived=tuple(derived), modules=modules)
 
     def _of_let(
-        self, let: Let, owner: str, counts: Expression, derived: list[Derived], *, always: bool = False
+        self, let: Let, of: str, owner: str, derived: list[Derived], counts: Expression | None = None
     ) -> Let:
-        if not (is_composed(let.expression) or (always and isinstance(let.expression.type, Bool))):
+        """Return a let with a name for each condition; a single one has one if it `counts` alone."""
+        is_single = counts is not None and isinstance(let.expression.type, Bool)
+        if not (is_composed(let.expression) or is_single):
             return let
         made = decision(let.expression, lambda k: f"{let.name} condition {k}", in_module=False)
         derived += (Let(name=name, expression=e) for name, e in made.lets)
-        self._decisions.append((owner, made, counts))
+        self._decisions.append(_Decision(of, owner, made, TRUE if counts is None else counts))
         return replace(let, expression=made.outcome)
 
     def _of_text(self, module: Module) -> Module:
@@ -230,12 +257,13 @@ class _Planner:
         for let in module.lets:
             if is_composed(let.expression):
                 made = decision(let.expression, lambda k, x=let.name: f"{x} condition {k}", in_module=True)  # type: ignore[misc]
-                self._decisions.append((owners.get(let.name, let.name), made, TRUE))
+                owner = owners.get(let.name, let.name)
+                self._decisions.append(_Decision(module.name, owner, made, TRUE))
                 lets += (Let(name=name, expression=e) for name, e in made.lets)
                 let = replace(let, expression=made.outcome)
             lets.append(let)
         made = decision(module.when, lambda k: f"{module.name}. when {k}", in_module=True)
-        self._decisions.append((module.name, made, TRUE))
+        self._decisions.append(_Decision(module.name, module.name, made, TRUE))
         lets += (Let(name=name, expression=e) for name, e in made.lets)
         return replace(module, lets=tuple(lets), when=made.outcome)
 
@@ -261,9 +289,10 @@ class _Planner:
     def _of_node(self, node: WiringNode) -> Iterator[Obligation]:
         dominant, inferior, passes = active(node.dominant), active(node.inferior), active(node.name)
         text = text_of(node)
+        of = next(w.actuator or w.name for w in self._case.program.wires if w.name == node.path[0])
 
         def one(what: str, condition: Expression, hint: str) -> Obligation:
-            return _one("node", text, what, span_of(node), condition, hint, node.name)
+            return _one("node", text, what, span_of(node), condition, hint, node.name, of)
 
         if node.relation == "suppresses":
             yield one("dominant side", dominant, f"the left side of `{text}` is active")
@@ -299,11 +328,11 @@ class _Planner:
             sent = ir.IsCommanded(type=BOOL, actuator=actuator.name)
             cuts = all_of((sent, bound.applies, exceeds))
             hint = f"a command goes beyond `{text}`, which applies"
-            yield _one("limit", text, "cuts", limit.span, cuts, hint, str(number))
+            yield _one("limit", text, "cuts", limit.span, cuts, hint, str(number), actuator.name)
         if limit.condition is not None:
             off = negation(bound.applies)
             hint = f"`{text}` does not apply"
-            yield _one("limit", text, "does not apply", limit.span, off, hint, str(number))
+            yield _one("limit", text, "does not apply", limit.span, off, hint, str(number), actuator.name)
 
     def _of_sensors(self) -> Iterator[Obligation]:
         case = self._case
@@ -323,9 +352,11 @@ class _Planner:
 
     def _first_reading(self, sensor: str) -> Span | None:
         """Return the first place at which a file that counts reads a sensor, None if none does."""
+        program, assumed = self._case.program, {a.name for a in assumptions(self._case.program)}
+        derived = tuple(d for d in program.derived if d.name not in assumed)
         places = [
             x.span
-            for x in all_subexpressions(replace(self._case.program, contracts=()))
+            for x in all_subexpressions(replace(program, derived=derived, contracts=()))
             if isinstance(x, ir.SensorValue) and x.name == sensor and self._is_own(x.span)
         ]
         reads = (
@@ -352,7 +383,8 @@ def _limit_text(limit: Limit) -> str:
     return one_line(limit.span.text).removeprefix("limit ")
 
 
-def _of_decision(owner: str, made: AtomicDecision, counts: Expression) -> Iterator[Obligation]:
+def _of_decision(found: _Decision) -> Iterator[Obligation]:
+    of, owner, made, counts = found
     for number, c in enumerate(made.conditions):
         text = source_text(c.atom)
         ways = []
@@ -370,7 +402,7 @@ def _of_decision(owner: str, made: AtomicDecision, counts: Expression) -> Iterat
                 name = f"condition {owner} {number} {c.atom.span.start} {sign} {value}"
                 way.append(CoverageGoal(name, value_or(condition, FALSE), alone))
             ways.append(tuple(way))
-        yield Obligation("condition", owner, text, c.atom.span, tuple(ways))
+        yield Obligation("condition", owner, text, c.atom.span, tuple(ways), of)
 
 
 # --- machines ------------------------------------------------------------------------------------------
@@ -418,4 +450,4 @@ def _of_machine(machine: Machine) -> Iterator[Obligation]:
         hint = f"`{machine.name}` takes `{text}`"
         taken = all_of((_considered(machine, i), holds))
         goal = CoverageGoal(f"machine {machine.name} transition {i}", value_or(taken, FALSE), hint)
-        yield Obligation("machine", machine.name, text, t.span, ((goal,),))
+        yield Obligation("machine", machine.name, text, t.span, ((goal,),), machine.name)

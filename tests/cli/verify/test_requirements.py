@@ -43,6 +43,11 @@ def test_the_report_says_which_requirements_are_met(colony: Colony, behavior: Pa
         "SR-4": ("unmet", ["quick"]),
         "SR-5": ("met", ["goes"]),
     }
+    covered = {each["id"]: each["coverage"] for each in report["requirements"]}
+    of_file = report["files"][0]["coverage"]
+    assert covered["SR-3"] == {"covered": 0, "possible": 0}
+    assert covered["SR-1"] == {"covered": 9, "possible": 12}  # of all but `shine`
+    assert (of_file["covered"], of_file["possible"], len(of_file["uncovered"])) == (12, 15, 3)
     assert {each["path"] for each in report["inputs"]} >= {behavior.name, "table.toml"}
     assert all(len(each["sha256"]) == 64 for each in report["inputs"])
     html = (tmp_path / "one" / "index.html").read_text()
@@ -63,7 +68,7 @@ def test_what_the_table_lacks_is_not_met(colony: Colony, behavior: Path, tmp_pat
 def test_tables_are_toml_or_csv(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.write_text('text,id\n"one, and two",A-1\n,A-2\n')
-    assert read_requirements(path) == {"A-1": "one, and two", "A-2": ""}
+    assert read_requirements(path).texts == {"A-1": "one, and two", "A-2": ""}
     for text, said in (
         ("id\nA\n", "the first line must name the columns `id` and `text`"),
         ("id,text\nA,a\nA,b\n", "line 3: `A` is there twice"),
