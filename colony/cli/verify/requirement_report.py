@@ -25,6 +25,7 @@ from colony.cli.progress import proof_progress
 from colony.cli.verify.work import Verified
 from colony.files import reason
 from colony.ir.version import SEMANTICS
+from colony.text.source import Span
 from colony.text.wording import counted
 from colony.verify.requirements import (
     MET,
@@ -176,12 +177,16 @@ def _counted(coverages: Sequence[Coverage]) -> dict[str, int]:
     return {"covered": covered, "possible": sum(coverage.possible for coverage in coverages)}
 
 
+def _line(span: Span) -> str:
+    return f"{Path(span.source.name).name}:{span.source.position(span.start)[0]}"
+
+
 def _coverage_row(found: _Covered) -> dict[str, Any]:
     from colony.cli.coverage import lacking_text
 
     lacking = {
         state: [
-            f"{m.obligation.span.place}: {lacking_text(m, g)}"
+            f"{_line(m.obligation.span)}: {lacking_text(m, g)}"
             for m in found.all.measured
             if m.state == state
             for g in m.unseen

@@ -105,7 +105,8 @@ class GoalProver:
     def search(self, goals: Mapping[str, CoverageGoal]) -> None:
         """Look for runs near tests to those of these goals that are unknown, and ask about the rest again."""
         unknown = {name: goal for name, goal in goals.items() if self.answer(goal) is None}
-        self._answers |= dict(found_near_tests(self._plan, unknown.values()))
+        known = [answer for answer in self._answers.values() if isinstance(answer, Trace)]
+        self._answers |= dict(found_near_tests(self._plan, unknown.values(), known))
         left = {name: goal for name, goal in unknown.items() if self._answers[name] is None}
         claims = {name: self._plan.claim(goal, self._plan.assumed) for name, goal in left.items()}
         long_runs = LongRuns(with_claims(self._plan.watching, claims))
