@@ -4,6 +4,8 @@
 sensors and lets, and contracts that may need them. What is proved under some of them must hold in runs of
 1,000 frames and in drawn ones, with clients late and operators where the verdict says so, up to the frame in
 which one of these is broken. A run that refutes a contract must break no assumption.
+Tests that are generated for coverage must break none either, and no drawn run up to a broken one may show
+what coverage says is impossible while they hold.
 """
 
 from __future__ import annotations
@@ -21,11 +23,13 @@ from colony.ir.types import Array, Bool, Quantity
 from colony.verify.contracts.concrete_runs import GeneratedRuns, Replay, long_run, with_stand_ins
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import ProofOptions, Proved, ProvedInTime, Refuted
+from colony.verify.lints.proof import has_python_modules
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
 from colony.verify.testing.frames import Choices, draw_trace
 from colony.verify.testing.guided import disturbed_run
 from tests.drawn.strategies import run_of_seed
+from tools.drawn_programs import coverage_findings
 
 _OPTIONS = ProofOptions(depth=2, max_frames=4, resources=300_000)
 _ASSUMPTIONS = 3
@@ -88,6 +92,11 @@ def check(seed: int) -> tuple[Counts, list[str]]:
     found = disagreement(program, draw_trace(Choices(Random(seed)), program, _FRAMES), ALL_EXECUTORS)
     findings = [] if found is None else [f"seed {seed}: {found}"]
     counts, proved = Counter(programs=1), list[Proved | ProvedInTime]()
+    if not has_python_modules(program):
+        of_coverage, wrong = coverage_findings(seed, program)
+        counts["obligations"] += of_coverage["obligations"]
+        counts["impossible while they hold"] += of_coverage["impossible under assumptions"]
+        findings += wrong
     for result in prove_contracts(program, _OPTIONS):
         match result:
             case Proved() | ProvedInTime() if result.contract.assuming:

@@ -3,7 +3,8 @@
 `python -m tools.drawn_programs --programs 20000 --contracts 5000` (`make agreement`) compares all
 executors over drawn traces, also for programs with sequences and for programs written with functions and
 inputs, then, for contracts, the formulas with the interpreter frame by frame, and what `verify` says with
-what drawn traces show. Sensors fail in many frames.
+what drawn traces show. Sensors fail in many frames. Tests that `coverage` generates must show what they say,
+and no drawn run what it says is impossible.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import count
@@ -20,19 +21,27 @@ from random import Random
 from typing import NamedTuple
 
 from colony.dsl.check.compatibility import with_new_cells
+from colony.dsl.load import load_text
 from colony.ir import expression as ir
 from colony.ir.frame import Frame, Outcome
-from colony.ir.program import Actuator, Contract, Module, Program
+from colony.ir.program import Actuator, Contract, Module, Program, assumptions, without_assumed
 from colony.ir.types import BOOL
 from colony.ir.walk import all_subexpressions
-from colony.verify.claims import any_of, binary, constant, negation
+from colony.verify.claims import TRUE, any_of, binary, constant, implies, negation
 from colony.verify.contracts.concrete_runs import LongRuns, Replay
 from colony.verify.contracts.prove import prove_contracts
 from colony.verify.contracts.results import ProofOptions, Proved, ProvedInTime, Refuted
+from colony.verify.coverage.generator import generate
+from colony.verify.coverage.measure import GoalProver, Measured, covered_by, measure
+from colony.verify.coverage.obligations import CoveragePlan, plan_of
+from colony.verify.coverage.recorder import seen_in
+from colony.verify.lints.contracts import premise
 from colony.verify.reference.interpreter import Interpreter
 from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
-from colony.verify.testing.frames import Choices, draw_trace
+from colony.verify.testing.examples import run_examples
+from colony.verify.testing.frames import Choices, draw_trace, snapshots_of
 from colony.verify.testing.guided import disturbed_run
+from tests.drawn.program_text import draw_text
 from tests.drawn.strategies import run_of_seed
 from tests.drawn.tunables import with_tunables
 from tests.verify.symbolic.trust import held_against
@@ -166,6 +175,58 @@ def _in_range(actuator: Actuator, i: int) -> ir.Expression:
     return binary(ir.Binary.LESS_EQUAL, constant(low, field.type), sent)
 
 
+def coverage(seed: int) -> Findings:
+    """Run the tests that are generated for a drawn program, and look for what is proved never to be seen."""
+    return coverage_findings(seed, load_text(draw_text(Choices(Random(seed)), python=False)))
+
+
+def coverage_findings(seed: int, program: Program) -> Findings:
+    """Return how much the coverage of a program was compared, and what is wrong with it."""
+    plan = plan_of(_with_true_contracts(program))
+    measured = measure(plan, set(), 0, GoalProver(plan))
+    counts = Counter(programs=1, obligations=len(measured.measured), **measured.counts())
+    counts["impossible under assumptions"] = sum(bool(m.assuming) for m in measured.measured)
+    generated = generate(measured, set())
+    text = "\n".join([program.files[-1][1].text, *(test.text for test in generated.tests)])
+    written = _with_true_contracts(load_text(text))
+    counts["tests"] = len(generated.tests)
+    findings = [f"{r.name} fails" for r in run_examples(written) if not r.passed]
+    shown = set[str]()
+    for example, test in zip(written.tests[len(program.tests) :], generated.tests, strict=True):
+        shown |= seen_in(plan, snapshots_of(written, example))
+        findings += [f"{test.title}: no {goal}" for goal in test.goals - shown]
+    left_out = {m.obligation for m in generated.left_out}
+    for m in measured.measured:
+        if m.state == "uncovered" and m.obligation not in left_out and not covered_by(m.obligation, shown):
+            findings.append(f"no test for {m.obligation.text}")
+    never = [m for m in measured.measured if m.state == "impossible"]
+    findings += _shown_all_the_same(seed, plan, never)
+    return counts, [f"seed {seed}: {finding}" for finding in findings]
+
+
+def _with_true_contracts(program: Program) -> Program:
+    """Return a program of which a run can break assumptions alone: others make no test if they are broken."""
+    required = (
+        replace(c, expression=implies(left, TRUE))
+        for c in without_assumed(program).contracts
+        if (left := premise(c.expression)) is not None
+    )
+    return replace(program, contracts=(*assumptions(program), *required))
+
+
+def _shown_all_the_same(seed: int, plan: CoveragePlan, never: Sequence[Measured]) -> Iterator[str]:
+    """Yield the goals that a drawn run shows, though that is proved impossible while assumptions hold."""
+    for number in range(_TRACES):
+        interpreter = Interpreter(plan.watching)
+        for frame in draw_trace(Choices(Random(f"{seed}/{number}")), plan.program, _FRAMES):
+            interpreter.step(frame)
+            for m in never:
+                holds = interpreter.value_of(plan.holds(m.assuming))
+                shown = [g.text for g in m.unseen if interpreter.value_of(g.condition) is True]
+                if holds and shown:
+                    yield f"trace {number} shows {shown}, which is proved impossible"
+
+
 def _not_late(seed: int, program: Program, result: ProvedInTime) -> list[str]:
     """Return what is wrong with the run that breaks a contract while clients are late."""
     if result.trace is None:
@@ -232,6 +293,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--programs", type=int, default=20_000, help="programs for the executors")
     parser.add_argument("--contracts", type=int, default=5_000, help="programs for contracts")
+    parser.add_argument("--coverage", type=int, default=500, help="programs for coverage")
     parser.add_argument("--seed", type=int, default=0, help="first seed")
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
@@ -245,6 +307,7 @@ def main() -> int:
             ("executors, with functions and inputs", outlined, some),
             ("formulas", formulas, some),
             ("verdicts", verdicts, some),
+            ("coverage", coverage, range(given.seed, given.seed + given.coverage)),
             ("executors, tunable params", partial(executors, tunable=True), some),
             ("verdicts, tunable params", partial(verdicts, tunable=True), some),
         )

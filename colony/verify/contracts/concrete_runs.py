@@ -70,7 +70,7 @@ _MAX_COST = 3 * RESOURCES_PER_SECOND
 
 
 class Replay:
-    """Replays traces of `program` for one of its contracts.
+    """Replays traces of `program` for one of its contracts, or, without one, for all that are not assumed.
 
     A trace breaks the contract only if its frames are as regular as the robot says, none of the modules in
     Python `uncalled` is called in any frame, and commands from outside the network are within the bounds of
@@ -80,14 +80,13 @@ class Replay:
     def __init__(
         self,
         program: Program,
-        contract: str,
+        contract: str | None,
         uncalled: Collection[str] = (),
         deadline: Deadline | None = None,
     ) -> None:
-        self._contract, self.uncalled = contract, uncalled
-        self.program = replace(
-            with_stand_ins(program), contracts=tuple(c for c in program.contracts if c.name == contract)
-        )
+        self._contract, self.uncalled = contract or "", uncalled
+        watched = (c for c in program.contracts if c.name == contract or (contract is None and not c.assumed))
+        self.program = replace(with_stand_ins(program), contracts=tuple(watched))
         self._deadline = Deadline() if deadline is None else deadline
         self._cost = _COST_OF_EVALUATION * evaluations(self.program)
         self._fields = {

@@ -11,7 +11,8 @@ from dataclasses import replace
 from typing import Literal, NamedTuple
 
 from colony.ir.program import Program
-from colony.verify.contracts.concrete_runs import LongRuns
+from colony.verify.claims import FALSE, all_of, implies, value_or
+from colony.verify.contracts.concrete_runs import LongRuns, Replay
 from colony.verify.contracts.prove import ContractProver
 from colony.verify.contracts.results import RESOURCES_PER_SECOND, ProofOptions, Proved, Refuted, Result, Trace
 from colony.verify.contracts.slicing import slice_of
@@ -113,7 +114,7 @@ class GoalProver:
         for name, goal in left.items():
             result = self._proof(goal, self._plan.assumed, long_runs)
             if isinstance(result, Refuted):
-                self._answers[name] = result.trace
+                self._answers[name] = self._within_contracts(goal, result.trace)
             elif isinstance(result, Proved):
                 self._answers[name] = self._never(
                     lambda names, g=goal: isinstance(self._proof(g, names, long_runs), Proved)  # type: ignore[misc]
@@ -123,10 +124,20 @@ class GoalProver:
         assumed = self._plan.assumed
         trace = self._quick.refuted(self._question(goal, assumed))
         if trace is not None:
-            return trace
+            return self._within_contracts(goal, trace)
         found = self._never(lambda names: bool(self._quick.proved([self._question(goal, names)])))
         is_proved = found.assuming != assumed or self._quick.proved([self._question(goal, assumed)])
         return found if is_proved else None
+
+    def _within_contracts(self, goal: CoverageGoal, trace: Trace) -> Trace:
+        """Return a run to a goal that breaks no contract in the place of one that does, if one is found."""
+        broken = _broken(self._plan.program, trace)
+        if not broken:
+            return trace
+        held = [value_or(c.expression, FALSE) for c in self._plan.program.contracts if c.name in broken]
+        claim = implies(all_of(held), self._plan.claim(goal, self._plan.assumed))
+        other = self._quick.refuted(asked(f"{goal.name} within {' '.join(broken)}", claim))
+        return trace if other is None or _broken(self._plan.program, other) else other
 
     def _never(self, is_proved: Callable[[tuple[str, ...]], bool]) -> ProvedNever:
         """Return `ProvedNever` with few of the assumptions: none, one, or as many as cannot be left out."""
@@ -148,6 +159,12 @@ class GoalProver:
 
     def _question(self, goal: CoverageGoal, assuming: Collection[str]) -> Question:
         return asked(" ".join((goal.name, *assuming)), self._plan.claim(goal, assuming))
+
+
+def _broken(program: Program, trace: Trace) -> tuple[str, ...]:
+    """Return the contracts that a run breaks."""
+    outcomes = (outcome for outcome, _ in Replay(program, None).frames(trace.snapshots))
+    return tuple(dict.fromkeys(name for outcome in outcomes for name in outcome.breaches))
 
 
 def measure(
