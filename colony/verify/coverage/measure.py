@@ -183,7 +183,8 @@ def measure(
         on_obligation(number, obligation.subject)
         measured.append(_measured(obligation, seen, prover))
     on_obligation(len(measured), "longer runs")
-    prover.search({goal.name: goal for m in measured if m.state == "unknown" for goal in m.unseen})
+    ways = [way for m in measured if m.state == "unknown" for way in m.obligation.ways]
+    prover.search({goal.name: goal for way in ways for goal in way if goal.name not in seen})
     decided = (_measured(m.obligation, seen, prover) if m.state == "unknown" else m for m in measured)
     return Coverage(plan, frames, tuple(decided))
 
