@@ -84,6 +84,7 @@ CODES: dict[str, str] = {
     "E602": "the times of a test do not increase",
     "E603": "a value that cannot be given to a sensor",
     "E604": "a step of a test is too long or has no period",
+    "E605": "a requirement without an id",
     "E701": "a file of params cannot be read",
     "E702": "a file of params is not TOML",
     "E703": "a name of no param that a site may set",

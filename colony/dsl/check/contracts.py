@@ -90,6 +90,11 @@ def check_contract(checker: Checker, node: ast.ContractDecl) -> ir.Contract | No
         return ir.Contract(
             name=symbol.name, expression=expression, assumed=True, span=checker.span(node.name)
         )
+    if not all(requirement.strip() for requirement in node.requirements):
+        hint = (
+            f'write the id that the requirement has elsewhere: `{node.keyword} NAME requirement "SR-12": ...`'
+        )
+        checker.error("E605", node.name, f"`{node.name.text}` names a requirement without an id", hint)
     contract_checker = replace(checker, in_contract_or_test=True)
     found = contract_checker.expect(node.expression, BOOL, f"a {node.keyword}")
     if found is None:

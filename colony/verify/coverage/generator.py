@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence, Set
-from itertools import product
 from typing import NamedTuple
 
 from colony.dsl import ast
@@ -122,15 +121,9 @@ def _finite(plan: CoveragePlan, snapshots: tuple[Snapshot, ...], goal: CoverageG
             return tuple(math.copysign(size, e) if math.isinf(e) else e for e in x)
         return math.copysign(size, x) if x is not None and math.isinf(x) else x
 
-    def infinite(x: Value | None) -> bool:
-        return any(math.isinf(e) for e in (x if isinstance(x, tuple) else (x or 0.0,)))
-
-    names = sorted({n for s in snapshots for n, x in s.readings.items() if infinite(x)})
-    for size, step in product((1e3, 1e6, 1e9), (0, 1)) if names else ():  # equal ones, or different
-        sizes = {name: size * (1 + i * step) for i, name in enumerate(names)}
+    for size in (1e3, 1e6, 1e9):
         run = tuple(
-            s._replace(readings={n: large(x, sizes.get(n, size)) for n, x in s.readings.items()})
-            for s in snapshots
+            s._replace(readings={n: large(x, size) for n, x in s.readings.items()}) for s in snapshots
         )
         if goal.name in seen_in(plan, run):
             return run

@@ -6,12 +6,15 @@ obligation out of what can be covered; a refutation is a run of the reference in
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
 from dataclasses import replace
 from typing import Literal, NamedTuple
 
-from colony.ir.program import Program
-from colony.verify.claims import FALSE, all_of, implies, value_or
+from colony.ir.expression import Expression, Function, FunctionCall, SensorValue, Within
+from colony.ir.program import Program, Sensor
+from colony.ir.types import BOOL, Array, Value, element_type, in_shape_of
+from colony.verify.claims import FALSE, TRUE, all_of, constant, implies, value_or
 from colony.verify.contracts.concrete_runs import LongRuns, Replay
 from colony.verify.contracts.prove import ContractProver
 from colony.verify.contracts.results import RESOURCES_PER_SECOND, ProofOptions, Proved, Refuted, Result, Trace
@@ -31,6 +34,9 @@ from colony.verify.lints.proof import Effort, LintProver, Question, asked, with_
 _QUICK = ProofOptions(depth=1, max_frames=4, resources=RESOURCES_PER_SECOND // 4)
 _FULL = ProofOptions(depth=2, max_frames=12, resources=2 * RESOURCES_PER_SECOND)
 """The effort for each goal and way to ask: before runs near the tests are tried, and after."""
+
+_MODERATE = 1e6
+"""The largest reading of a run to a goal, in the unit of its sensor, if there is such a run."""
 
 State = Literal["covered", "uncovered", "unknown", "impossible"]
 """`unknown` is uncovered, and neither a run nor a proof decides whether it can be covered."""
@@ -114,7 +120,7 @@ class GoalProver:
         for name, goal in left.items():
             result = self._proof(goal, self._plan.assumed, long_runs)
             if isinstance(result, Refuted):
-                self._answers[name] = self._within_contracts(goal, result.trace)
+                self._answers[name] = self._as_test(goal, result.trace)
             elif isinstance(result, Proved):
                 self._answers[name] = self._never(
                     lambda names, g=goal: isinstance(self._proof(g, names, long_runs), Proved)  # type: ignore[misc]
@@ -124,20 +130,28 @@ class GoalProver:
         assumed = self._plan.assumed
         trace = self._quick.refuted(self._question(goal, assumed))
         if trace is not None:
-            return self._within_contracts(goal, trace)
+            return self._as_test(goal, trace)
         found = self._never(lambda names: bool(self._quick.proved([self._question(goal, names)])))
         is_proved = found.assuming != assumed or self._quick.proved([self._question(goal, assumed)])
         return found if is_proved else None
 
-    def _within_contracts(self, goal: CoverageGoal, trace: Trace) -> Trace:
-        """Return a run to a goal that breaks no contract in the place of one that does, if one is found."""
-        broken = _broken(self._plan.program, trace)
-        if not broken:
+    def _as_test(self, goal: CoverageGoal, trace: Trace) -> Trace:
+        """Return a run that a test can write and pass in the place of one that it cannot, if one is found.
+
+        No test has infinite readings, or breaks contracts.
+        """
+        program = self._plan.program
+        broken, infinite = _broken(program, trace), _infinite(program, trace)
+        if not broken and not infinite:
             return trace
-        held = [value_or(c.expression, FALSE) for c in self._plan.program.contracts if c.name in broken]
-        claim = implies(all_of(held), self._plan.claim(goal, self._plan.assumed))
-        other = self._quick.refuted(asked(f"{goal.name} within {' '.join(broken)}", claim))
-        return trace if other is None or _broken(self._plan.program, other) else other
+        demanded = [value_or(c.expression, FALSE) for c in program.contracts if c.name in broken]
+        demanded += [_is_moderate(sensor) for sensor in infinite]
+        claim = implies(all_of(demanded), self._plan.claim(goal, self._plan.assumed))
+        name = " ".join((goal.name, "with", *broken, *(s.name for s in infinite)))
+        other = self._quick.refuted(asked(name, claim))
+        if other is None or _broken(program, other) or _infinite(program, other):
+            return trace
+        return other
 
     def _never(self, is_proved: Callable[[tuple[str, ...]], bool]) -> ProvedNever:
         """Return `ProvedNever` with few of the assumptions: none, one, or as many as cannot be left out."""
@@ -165,6 +179,30 @@ def _broken(program: Program, trace: Trace) -> tuple[str, ...]:
     """Return the contracts that a run breaks."""
     outcomes = (outcome for outcome, _ in Replay(program, None).frames(trace.snapshots))
     return tuple(dict.fromkeys(name for outcome in outcomes for name in outcome.breaches))
+
+
+def _infinite(program: Program, trace: Trace) -> list[Sensor]:
+    """Return the sensors with infinite readings in a run."""
+
+    def is_infinite(x: Value | None) -> bool:
+        return any(math.isinf(e) for e in (x if isinstance(x, tuple) else (x or 0.0,)))
+
+    names = {n for s in trace.snapshots for n, x in s.readings.items() if is_infinite(x)}
+    return [s for s in program.robot.sensors if s.name in names]
+
+
+def _is_moderate(sensor: Sensor) -> Expression:
+    """Return the condition that the readings of a sensor are missing or not extremely large."""
+    most = constant(_MODERATE * sensor.factor, element_type(sensor.type))
+    least = constant(-_MODERATE * sensor.factor, element_type(sensor.type))
+    value = SensorValue(type=sensor.type, name=sensor.name)
+    within = Within(type=in_shape_of(BOOL, sensor.type), operand=value, low=least, high=most)
+    whole = (
+        within
+        if not isinstance(sensor.type, Array)
+        else FunctionCall(type=BOOL, function=Function.ALL, arguments=(within,))
+    )
+    return value_or(whole, TRUE)
 
 
 def measure(
@@ -231,10 +269,12 @@ def _measured(obligation: Obligation, seen: Set[str], prover: GoalProver) -> Mea
             return Measured(obligation, "uncovered", way, runs)
         never.append([a for a in answers if isinstance(a, ProvedNever)])
     if all(never):
-        goals = tuple(g for g in lacking[0] if isinstance(prover.answer(g), ProvedNever))
-        assuming = {
-            name for answers in never for name in min(answers, key=lambda a: len(a.assuming)).assuming
-        }
+        least = (min((a.assuming for a in answers), key=len) for answers in never)
+        assuming = {name for names in least for name in names}
+        asked_for = ((goal, prover.answer(goal)) for goal in lacking[0])
+        goals = tuple(
+            g for g, a in asked_for if isinstance(a, ProvedNever) and assuming.issuperset(a.assuming)
+        )
         return Measured(obligation, "impossible", goals, assuming=tuple(sorted(assuming)))
     return Measured(obligation, "unknown", lacking[never.index([])])
 
