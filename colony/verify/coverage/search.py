@@ -68,9 +68,12 @@ def found_near_tests(
     def reached(trace: Sequence[Snapshot], shown: Set[str]) -> Iterator[tuple[str, Trace]]:
         for name in sorted(shown & wanted.keys()):
             replay = Replay(with_claims(plan.watching, {name: claims[name]}), name)
-            if replay.breaks(trace):
+            outcomes, breach = replay.outcomes_and_breach(trace)
+            if breach is not None:
                 del wanted[name]
-                yield name, minimize(replay, trace, max(_PATIENCE, len(trace) + 1))
+                is_long = breach >= _MAX_LENGTH  # held readings, which the interpreter takes seconds to run
+                whole = Trace(snapshots=tuple(trace[: breach + 1]), outcomes=outcomes)
+                yield name, whole if is_long else minimize(replay, trace, _PATIENCE)
 
     frames, seen = 0, set[frozenset[str]]()
     while frames < _FRAMES and wanted:
@@ -84,7 +87,9 @@ def found_near_tests(
             yield from reached(trace[: i + 1], shown)
     for trace in variants.held(plan) if wanted else ():
         for i, outcome in enumerate(runs.outcomes(trace)):
-            yield from reached(trace[: i + 1], frozenset(outcome.breaches))
+            shown = frozenset(outcome.breaches)
+            if not wanted.keys().isdisjoint(shown):
+                yield from reached(trace[: i + 1], shown)
 
 
 class _Nearness:

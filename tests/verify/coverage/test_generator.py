@@ -98,3 +98,44 @@ def test_a_run_that_breaks_an_assumption_shows_nothing() -> None:
     own = Recorder(plan)
     own.run_tests([test])  # but a test of the program counts
     assert "module backs active" in own.seen
+
+
+TASKS = (
+    robot()
+    + go("ahead", "true")
+    + go("spin", "true", "0", "10 deg/s")
+    + "sequence deliver {\n"
+    + "  leave = ahead() until level == 10 within 10 s else failed\n"
+    + "  turn = spin() until level == 20 within 30 s else failed\n"
+    + "}\n"
+    + "network { drive = deliver.drive }\n"
+    + "module lost { when deliver == deliver.failed do drive(velocity = 0, turn = 0) }\n"
+    + 'test "t" { at 0 s given level = 0  at 1 s given level = 10  at 2 s given level = 0 }\n'
+)
+
+
+def test_readings_are_held_until_the_time_of_a_task_is_over() -> None:
+    plan = plan_of(load_text(TASKS))
+    goals = [g for g in plan.goals.values() if "-> failed`" in g.text]
+    found = dict(found_near_tests(plan, goals))
+    assert found.keys() == {g.name for g in goals}
+    assert sorted(len(run.snapshots) // 100 for run in found.values()) == [2, 6]  # 50 ms a frame
+    assert all(name in seen_in(plan, run.snapshots) for name, run in found.items())
+
+
+UNWRITABLE = (
+    robot("sensor far : mm from PServer.far")
+    + go("slow", "far > 5 m", "100 mm/s")
+    + go("cruise", "bumper", "300 mm/s")
+    + "network { drive = slow suppresses cruise }\n"
+    + "contract careful: fresh(sonar) or not (drive by cruise)\n"
+)
+
+
+def test_generated_tests_break_no_contract_and_give_no_infinite_reading() -> None:
+    plan = plan_of(load_text(UNWRITABLE))
+    coverage = measure(plan, set(), 0, GoalProver(plan))
+    generated = generate(coverage, set())
+    assert not generated.left_out
+    program = load_text("\n".join([UNWRITABLE, *(test.text for test in generated.tests)]))
+    assert all(result.passed for result in run_examples(program))
