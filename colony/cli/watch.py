@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
@@ -26,7 +27,9 @@ from colony.cli.robot_options import (
 from colony.extras import expect_extras
 
 if TYPE_CHECKING:
+    from colony.analysis.played import PlayedRun
     from colony.ir.program import Program
+    from colony.runtime.recordings.recorded import RecordingReader
     from colony.runtime.transport.live.robot_address import RobotAddress
     from colony.watch.scene import PageScene
     from colony.watch.serving import PageServer
@@ -35,6 +38,18 @@ if TYPE_CHECKING:
 POLL_S = 0.1
 
 CLOSING = "closing the page"
+
+_Command = TypeVar("_Command", bound=Callable[..., object])
+
+
+def page_options(command: _Command) -> _Command:
+    """Add the options of a page: its port, and whether to open it."""
+    port = click.option(
+        "--port",
+        type=click.IntRange(0, 65535),
+        help="The port of the page. [default: 7450, or any that is free]",
+    )
+    return port(click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")(command))
 
 
 @click.command("watch", short_help="watch a recording or a running robot in the browser")
@@ -47,10 +62,7 @@ CLOSING = "closing the page"
 )
 @params_option()
 @map_option
-@click.option(
-    "--port", type=click.IntRange(0, 65535), help="The port of the page. [default: 7450, or any that is free]"
-)
-@click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
+@page_options
 @robot_and_description_option(
     "Watch this robot. While it runs no program, its description, by default the one called NAME, says what "
     "there is to see. For a recording, the description of its robot."
@@ -125,10 +137,6 @@ def command(
 def _recorded(recording: str, behavior: str | None, map_path: str | None, resources: ExitStack) -> Watched:
     from colony.analysis.recording import OpenRecording
     from colony.text.diagnostics import DiagnosticError
-    from colony.watch.sources import RecordingSource
-    from colony.watch.store import SnapshotStore
-    from colony.watch.trail import RunTrail
-    from colony.watch.watched import Watched
 
     try:
         opened = resources.enter_context(OpenRecording.at(recording))
@@ -139,11 +147,38 @@ def _recorded(recording: str, behavior: str | None, map_path: str | None, resour
         scene = scene_for(program, title, map_path, None if reader.run is None else reader.run.robot)
     except DiagnosticError as failure:
         refuse(failure.diagnostics)
+    return _read(reader, program, scene, resources)
+
+
+def _read(reader: RecordingReader, program: Program, scene: PageScene, resources: ExitStack) -> Watched:
+    """Return a recording that is read in the background until the resources are released."""
+    from colony.watch.sources import RecordingSource
+    from colony.watch.store import SnapshotStore
+    from colony.watch.trail import RunTrail
+    from colony.watch.watched import Watched
+
     store = SnapshotStore(scene.modules)
     resources.callback(store.close)
     trail = RunTrail(program)
     resources.enter_context(RecordingSource(reader, program, store, trail))
     return Watched(scene=scene, store=store, is_live=False, explain=trail.explain)
+
+
+def watch_played(runs: Mapping[str, PlayedRun], *, port: int | None, opens: bool) -> None:
+    """Serve a page for each run that a proof found, by its title, until the command is interrupted.
+
+    The second page has the next port that is free. Exits with 2 if the port is taken.
+    """
+    with ExitStack() as resources:
+        interrupted = resources.enter_context(interruptible(CLOSING))
+        for title, run in runs.items():
+            watched = _read(run, run.program, scene_for(run.program, title, None, None), resources)
+            server = resources.enter_context(page_server(watched, port))
+            click.echo(f"{title}: ", nl=False)
+            _tell(server, opens=opens)
+            port = None
+        while not interrupted():
+            time.sleep(POLL_S)
 
 
 def _watch_live(
