@@ -31,11 +31,15 @@ if TYPE_CHECKING:
     from colony.ir.program import Program
     from colony.runtime.recordings.recorded import RecordingReader
     from colony.runtime.transport.live.robot_address import RobotAddress
+    from colony.watch.foxglove.sinks import FoxgloveServer
     from colony.watch.scene import PageScene
     from colony.watch.serving import PageServer
     from colony.watch.watched import Watched
 
 POLL_S = 0.1
+
+DEFAULT_FOXGLOVE_PORT = 8765
+"""The port at which Foxglove looks for a live robot."""
 
 CLOSING = "closing the page"
 
@@ -69,6 +73,15 @@ def page_options(command: _Command) -> _Command:
 )
 @connect_option()
 @security_option()
+@click.option(
+    "--foxglove",
+    "foxglove_port",
+    type=click.IntRange(0, 65535),
+    is_flag=False,
+    flag_value=DEFAULT_FOXGLOVE_PORT,
+    metavar="[PORT]",
+    help=f"Also show the robot in Foxglove, by ws://127.0.0.1:PORT. [default: {DEFAULT_FOXGLOVE_PORT}]",
+)
 @click.option("--allow-stop", is_flag=True, help="Let the page stop the robot in an emergency.")
 @click.option("--allow-tuning", is_flag=True, help="Let the page change tunable params.")
 def command(
@@ -80,6 +93,7 @@ def command(
     robot: str | None,
     connect: str | None,
     security: Path | None,
+    foxglove_port: int | None,
     allow_stop: bool,
     allow_tuning: bool,
 ) -> None:
@@ -102,19 +116,20 @@ def command(
       colony watch run.mcap --map loop --open
       colony watch run.jsonl --behavior wander
       colony watch --robot rome --map loop --allow-stop
+      colony watch --robot rome --map loop --foxglove
       colony watch --robot rome --connect tls/rome.lab:7447 --security ada.toml
     """
     context = click.get_current_context()
     if recording is None and robot is None:
         raise click.UsageError("give a RECORDING, or --robot NAME", context)
     rights = {"--allow-stop": allow_stop or None, "--allow-tuning": allow_tuning or None}
-    live = {"--connect": connect, "--security": security} | rights
+    live = {"--connect": connect, "--security": security, "--foxglove": foxglove_port} | rights
     given = [name for name, value in live.items() if value is not None]
     if recording is not None and given:
         raise click.UsageError(f"{given[0]} is for a robot that runs, not for a recording", context)
     if recording is None and behavior is not None:
         raise click.UsageError("--behavior is for a recording: a robot that runs gives its program", context)
-    expect_extras("watch")
+    expect_extras("watch", *([] if foxglove_port is None else ["foxglove"]))
     with ExitStack() as resources:
         if recording is not None:
             watched = _recorded(recording, behavior, map_path, resources)
@@ -128,6 +143,7 @@ def command(
                 robot_address,
                 map_path,
                 port=port,
+                foxglove_port=foxglove_port,
                 opens=opens,
                 may_stop=allow_stop,
                 may_tune=allow_tuning,
@@ -187,6 +203,7 @@ def _watch_live(
     map_path: str | None,
     *,
     port: int | None,
+    foxglove_port: int | None,
     opens: bool,
     may_stop: bool,
     may_tune: bool,
@@ -208,9 +225,13 @@ def _watch_live(
             scene_for=lambda program, title: scene_for(program, title, map_path, robot),
             may_stop=may_stop,
             may_tune=may_tune,
+            tap_for=None if foxglove is None else foxglove.tap_for,
         )
 
     with ExitStack() as resources:
+        foxglove = None if foxglove_port is None else foxglove_server(foxglove_port)
+        if foxglove is not None:
+            resources.callback(foxglove.close)
         with reporting_connection_errors():
             try:
                 runs = resources.enter_context(Succession(robot_address, join))
@@ -219,6 +240,8 @@ def _watch_live(
         interrupted = resources.enter_context(interruptible(CLOSING))
         server = resources.enter_context(page_server(runs.watched, port))
         _tell(server, opens=opens)
+        if foxglove is not None:
+            click.echo(f"in Foxglove, open the connection {foxglove.url}")
         while not interrupted():
             time.sleep(POLL_S)
             try:
@@ -273,6 +296,17 @@ def _tell(server: PageServer, *, opens: bool) -> None:
 
         if (link := page_link(os.environ, server.url)) is None or not webbrowser.open(link):
             say("the page cannot be opened from here: open the address")
+
+
+def foxglove_server(port: int) -> FoxgloveServer:
+    """Return a server for Foxglove; exit with 2 if the port is taken."""
+    from colony.watch.foxglove.sinks import FoxgloveServer
+
+    try:
+        return FoxgloveServer(port)
+    except RuntimeError as problem:
+        say(f"colony: error: --foxglove: cannot listen on {port}: {problem}")
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
 
 
 def page_server(watched: Watched, port: int | None) -> PageServer:

@@ -14,6 +14,7 @@ import msgspec
 
 from colony.analysis.follower import Follower, Interpreters, ProgramExecutors, UnknownMemory
 from colony.analysis.moments import MomentFollower
+from colony.compile.pipeline import compile_program
 from colony.execute.decisions import BoundsStep
 from colony.execute.executor import ProgramExecutor
 from colony.ir.frame import MISSED, given_in_frame
@@ -30,7 +31,7 @@ from colony.watch.foxglove.shapes import (
     BLUE,
     GRAY,
     MAP,
-    MM,
+    MM_PER_M,
     ORANGE,
     ScanShape,
     Shape,
@@ -110,7 +111,10 @@ class RunMessages:
         fields = {s.field: s for s in program.robot.sensors if s.server == "DServer"}
         self._goal = [fields[name] for name in ("GoalX", "GoalY") if name in fields]
         self._actuators = tuple(zip(program.robot.actuators, scene.actuators, strict=True))
-        self._states = tuple(zip(shown_states(program), scene.states, strict=True))
+        kept = compile_program(program).compiled.code.memory_cells  # without states that nothing reads
+        states = zip(shown_states(program), scene.states, strict=True)
+        self._states = [(state_cell(s.name), shown) for s, shown in states if state_cell(s.name) in kept]
+        self._ranges: dict[str, Sequence[float]] = {}
         self._path: list[tuple[float, float]] = []
         self._due = dict.fromkeys(("/path", "/zones"), 0)
         self._last: dict[str, Any] = {}
@@ -144,7 +148,7 @@ class RunMessages:
     def still(self, t_ns: int) -> Iterator[RunMessage]:
         """Yield the messages of what does not change, for those who hear from now on."""
         if self._scene.footprint_mm:
-            corners = [(x * MM, y * MM) for x, y in self._scene.footprint_mm]
+            corners = [(x / MM_PER_M, y / MM_PER_M) for x, y in self._scene.footprint_mm]
             outline = [line(corners, BLUE, closed=True), line([(0, 0), (max(corners)[0], 0)], BLUE)]
             yield _message("/footprint", t_ns, scene_update(t_ns, BASE, "footprint", outline))
         if self._scene.map is not None:
@@ -165,12 +169,8 @@ class RunMessages:
         t_ns = frame.frame.t_ns
         if not self._last:
             yield from self.still(t_ns)
-        ranges = dict(self._ranges(frame))
         for scan in self._scans:
-            if scan.sensor.name in ranges:
-                yield _message(
-                    f"/scans/{scan.sensor.name}", t_ns, scan.message(t_ns, ranges[scan.sensor.name])
-                )
+            yield from self._scanned(scan, frame)
         yield from self._places(frame)
         if self._plotted:
             yield _message("/sensors", t_ns, dict(self._plots(frame)))
@@ -179,13 +179,12 @@ class RunMessages:
             if verdict is not None:
                 plot = _actuator_plot(actuator, scene, verdict, bounds.get(actuator.name))
                 yield _message(f"/actuators/{actuator.name}", t_ns, plot)
-        yield from self._shown_zones(t_ns, ranges, bounds)
+        yield from self._shown_zones(t_ns, bounds)
         yield from self._changed(
             t_ns, "/modules", {m: f for v in frame.verdicts.values() for m, f in v.fates}
         )
         if memory is not None:
-            states = {s.name: memory.cells[state_cell(s.name)] for s, _ in self._states}
-            shown = {s.name: _shown(states[s.name], s, s.factor) for _, s in self._states}
+            shown = {s.name: _shown(memory.cells[cell], s, s.factor) for cell, s in self._states}
             yield from self._changed(t_ns, "/states", shown)
         if breaches is not None:
             held = {c.name: c.name not in breaches for c in self._program.contracts}
@@ -194,13 +193,16 @@ class RunMessages:
 
     # --- what there is to see --------------------------------------------------------------------------
 
-    def _ranges(self, frame: RunFrame) -> Iterator[tuple[str, list[float]]]:
-        """Yield the scans that are there, in meters."""
-        for scan in self._scans:
-            reading = frame.frame.readings.get(scan.sensor.name)
-            if isinstance(reading, Sequence) and len(reading) == len(scan.beams):
-                factor = scan.sensor.factor
-                yield scan.sensor.name, [round(x * factor, 4) for x in reading]
+    def _scanned(self, scan: ScanShape, frame: RunFrame) -> Iterator[RunMessage]:
+        """Yield a scan that is new: lidars give one in every second frame, or fewer."""
+        name, topic = scan.sensor.name, f"/scans/{scan.sensor.name}"
+        reading = frame.frame.readings.get(name)
+        if not isinstance(reading, Sequence) or len(reading) != len(scan.beams):
+            self._ranges.pop(name, None)
+        elif name not in self._ranges or self._last.get(topic) != reading:
+            factor = scan.sensor.factor
+            self._last[topic], self._ranges[name] = reading, [round(x * factor, 4) for x in reading]
+            yield _message(topic, frame.frame.t_ns, scan.message(frame.frame.t_ns, self._ranges[name]))
 
     def _plots(self, frame: RunFrame) -> Iterator[tuple[str, object]]:
         for sensor in self._plotted:
@@ -217,7 +219,7 @@ class RunMessages:
         goal = [_base(readings.get(s.name), s.factor) for s in self._goal]
         if len(goal) == 2 and None not in goal and self._last.get("/goal") != goal:
             self._last["/goal"] = goal
-            ball = sphere(goal[0] * MM, goal[1] * MM, 0.3, ORANGE)  # type: ignore[operator]
+            ball = sphere(goal[0] / MM_PER_M, goal[1] / MM_PER_M, 0.3, ORANGE)  # type: ignore[operator]
             yield _message("/goal", t_ns, scene_update(t_ns, MAP, "goal", spheres=[ball]))
         place = [_base(readings.get(s.name), s.factor) for s in self._pose]
         if not place or None in place:
@@ -239,14 +241,12 @@ class RunMessages:
         yield _message("/pose", t_ns, {"timestamp": time_of(t_ns), "frame_id": MAP, "pose": pose})
         if t_ns >= self._due["/path"]:
             self._due["/path"] = t_ns + PATH_INTERVAL_NS
-            self._path.append((round(x * MM, 3), round(y * MM, 3)))
+            self._path.append((round(x / MM_PER_M, 3), round(y / MM_PER_M, 3)))
             if len(self._path) > MAX_PATH_POINTS:
                 self._path = self._path[::2]
             yield _message("/path", t_ns, scene_update(t_ns, MAP, "path", [line(self._path, BLUE)]))
 
-    def _shown_zones(
-        self, t_ns: int, ranges: Mapping[str, Sequence[float]], bounds: Mapping[str, BoundsStep]
-    ) -> Iterator[RunMessage]:
+    def _shown_zones(self, t_ns: int, bounds: Mapping[str, BoundsStep]) -> Iterator[RunMessage]:
         """Yield the sectors that limits watch; those of a bound that is in force are orange."""
         if not self._zones or t_ns < self._due["/zones"]:
             return
@@ -259,7 +259,7 @@ class RunMessages:
             widest = field.high if zone.limit.relation == "<=" else field.low
             now = (step.high if zone.limit.relation == "<=" else step.low) if step is not None else ()
             in_force = bool(now) and now[i] != widest
-            drawn.append(line(zone.outline(ranges), ORANGE if in_force else GRAY, closed=True))
+            drawn.append(line(zone.outline(self._ranges), ORANGE if in_force else GRAY, closed=True))
         yield _message("/zones", t_ns, scene_update(t_ns, BASE, "zones", drawn))
 
     def _changed(self, t_ns: int, topic: str, now: Mapping[str, object]) -> Iterator[RunMessage]:

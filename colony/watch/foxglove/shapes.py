@@ -21,8 +21,7 @@ Shape = dict[str, Any]
 MAP, BASE = "map", "base"
 """The frames of reference: where the robot's position counts from, and the middle of the robot."""
 
-MM = 1e-3
-"""Meters in a millimeter."""
+MM_PER_M = 1000.0
 
 Points = Iterable[tuple[float, float]]
 
@@ -53,7 +52,7 @@ def turn(degrees: float) -> Shape:
 
 def pose_of(x_mm: float, y_mm: float, heading_deg: float) -> Shape:
     """Return a pose of the robot; heading 0 is north, which is +y."""
-    return {"position": vector(x_mm * MM, y_mm * MM), "orientation": turn(heading_deg + 90)}
+    return {"position": vector(x_mm / MM_PER_M, y_mm / MM_PER_M), "orientation": turn(heading_deg + 90)}
 
 
 ORIGIN: Shape = {"position": vector(0.0, 0.0), "orientation": _NO_TURN}
@@ -167,7 +166,8 @@ class Zone(NamedTuple):
         """Return the corners of the sector, out to the nearest of the ranges, in meters."""
         seen = [ranges[name][i] for name, indices in self.watched.items() if name in ranges for i in indices]
         radius = min(seen, default=default)
-        corners = *self.angles[:: max(1, len(self.angles) // MAX_CORNERS)], self.angles[-1]
+        every = max(1, len(self.angles) // MAX_CORNERS)
+        corners = dict.fromkeys((*self.angles[::every], self.angles[-1]))
         arc = ((radius * math.cos(a), radius * math.sin(a)) for a in map(math.radians, corners))
         return [(0.0, 0.0), *((round(x, 3), round(y, 3)) for x, y in arc)]
 
@@ -205,14 +205,14 @@ MAX_CELLS = 4_000_000
 
 def grid_of(scene: MapScene, t_ns: int) -> Shape:
     """Return a map as a grid, in which cells of walls have the value 100 and all others 0."""
-    xs = [x * MM for wall in scene.walls for x in wall[::2]] or [0.0]
-    ys = [y * MM for wall in scene.walls for y in wall[1::2]] or [0.0]
+    xs = [x / MM_PER_M for wall in scene.walls for x in wall[::2]] or [0.0]
+    ys = [y / MM_PER_M for wall in scene.walls for y in wall[1::2]] or [0.0]
     low_x, low_y, cell = min(xs), min(ys), CELL_M
     while (max(xs) - low_x + cell) * (max(ys) - low_y + cell) / cell**2 > MAX_CELLS:
         cell *= 2
     columns, rows = (int((high - low) / cell) + 1 for high, low in ((max(xs), low_x), (max(ys), low_y)))
     cells = bytearray(columns * rows)
-    for x0, y0, x1, y1 in ([MM * x for x in wall] for wall in scene.walls):
+    for x0, y0, x1, y1 in ([x / MM_PER_M for x in wall] for wall in scene.walls):
         steps = max(1, math.ceil(2 * math.hypot(x1 - x0, y1 - y0) / cell))
         for i in range(steps + 1):
             x, y = x0 + (x1 - x0) * i / steps - low_x, y0 + (y1 - y0) * i / steps - low_y

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING, BinaryIO
 import msgspec
 from mcap.writer import CompressionType, Writer
 
+from colony.ir.program import Program
 from colony.runtime.frames.run_frame import RunFrame
 from colony.watch.foxglove.messages import RunChannel, RunMessage, RunMessages
+from colony.watch.scene import PageScene
 from colony.watch.serving import LOOPBACK
 
 if TYPE_CHECKING:
     import foxglove
-
-DEFAULT_PORT = 8765
-"""The port at which Foxglove looks for a live robot."""
 
 CHUNK_BYTES = 4 * 1024 * 1024
 
@@ -53,26 +52,31 @@ class FoxgloveServer:
 
     def __init__(self, port: int) -> None:
         import foxglove
+        from foxglove.websocket import ServerListener
+
+        class Subscriptions(ServerListener):
+            """Remembers that what does not change must be sent again; a thread of the server calls it."""
+
+            def on_subscribe(_, client: object, channel: object) -> None:  # noqa: N805
+                self.has_newcomer = True
 
         self._context, self._channels = foxglove.Context(), dict[str, foxglove.Channel]()
-        self._has_newcomer = False
+        self.has_newcomer = False
+        """True if somebody subscribed since the last frame."""
         self._server = foxglove.start_server(
             name="colony",
             host=LOOPBACK,
             port=port,
             context=self._context,
             capabilities=[],
-            server_listener=self,  # type: ignore[arg-type]  # the callbacks that it lacks do nothing
+            server_listener=Subscriptions(),
         )
         self.url = f"ws://{LOOPBACK}:{self._server.port}"
         """The address to open in Foxglove."""
 
-    def on_subscribe(self, client: object, channel: object) -> None:
-        """Remember that what does not change must be sent again; called by a thread of the server."""
-        self._has_newcomer = True
-
-    def show(self, messages: RunMessages) -> Callable[[RunFrame], None]:
+    def tap_for(self, program: Program, scene: PageScene) -> Callable[[RunFrame], None]:
         """Offer the topics of a run in place of the last one; return what takes its frames."""
+        messages = RunMessages(program, scene)
         for channel in self._channels.values():
             channel.close()
         self._channels = channels = {c.topic: self._channel(c) for c in messages.channels}
@@ -82,8 +86,8 @@ class FoxgloveServer:
                 channels[topic].log(data, log_time=t_ns)
 
         def take(frame: RunFrame) -> None:
-            if self._has_newcomer:
-                self._has_newcomer = False
+            if self.has_newcomer:
+                self.has_newcomer = False
                 log(messages.still(frame.frame.t_ns))
             log(messages.take(frame))
 
