@@ -165,7 +165,8 @@ def test_the_log_has_what_begins_and_why(file: Read) -> None:
         (1500, 2, "drive", "cruise -> back_off"),
         (
             *(1500, 4, "contract never_backward"),
-            "broken: `drive.velocity >= 0 mm/s` fails by 100 mm/s: -100 mm/s against 0 mm/s (drive is by back_off)",
+            "broken: `drive.velocity >= 0 mm/s` fails by 100 mm/s: -100 mm/s against 0 mm/s "
+            "(drive is by back_off)",
         ),
     ]
     assert "`ranges[0 deg] < 1 m` holds by 500 mm: 500 mm against 1000 mm" in log[1][3]
@@ -275,8 +276,8 @@ class Client:
     def subscribe(self) -> list[Any]:
         """Subscribe to all topics that are offered next; return them."""
         channels: list[Any] = self.text("advertise")["channels"]
-        self._topics = {c["id"]: c["topic"] for c in channels}
-        wanted = [{"id": i, "channelId": i} for i in self._topics]
+        self._topics |= {c["id"]: c["topic"] for c in channels}
+        wanted = [{"id": c["id"], "channelId": c["id"]} for c in channels]
         self._socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
         return channels
 
@@ -307,6 +308,7 @@ def test_a_live_run_is_heard_also_by_those_who_come_late(server: FoxgloveServer)
             heard[topic] = t_ns, content
         assert heard["/map"][1]["column_count"] == 21
         assert heard["/footprint"][0] == frames[1].frame.t_ns
+        assert heard["/contracts"][1]["never_backward"] is False
         assert heard["/tf"][1]["translation"]["x"] == 1.9
         server.tap_for(load_text(TEXT), scene())
         assert len(client.text("unadvertise")["channelIds"]) > 0

@@ -146,7 +146,8 @@ class RunMessages:
                 yield RunChannel(topic, name, optional(name, members))
 
     def still(self, t_ns: int) -> Iterator[RunMessage]:
-        """Yield the messages of what does not change, for those who hear from now on."""
+        """Yield what does not change, and let the next frame have all that seldom changes, for newcomers."""
+        self._last = {name: x for name, x in self._last.items() if not name.startswith("/")}
         if self._scene.footprint_mm:
             corners = [(x / MM_PER_M, y / MM_PER_M) for x, y in self._scene.footprint_mm]
             outline = [line(corners, BLUE, closed=True), line([(0, 0), (max(corners)[0], 0)], BLUE)]
@@ -167,7 +168,7 @@ class RunMessages:
             breaches = executor.step(frame.frame, frame.answers, given).breaches
             bounds, memory = executor.bounds(), executor.memory
         t_ns = frame.frame.t_ns
-        if not self._last:
+        if "winners" not in self._last:
             yield from self.still(t_ns)
         for scan in self._scans:
             yield from self._scanned(scan, frame)

@@ -12,7 +12,6 @@ from colony.ir.program import Program
 from colony.runtime.frames.run_frame import RunFrame
 from colony.watch.foxglove.messages import RunChannel, RunMessage, RunMessages
 from colony.watch.scene import PageScene
-from colony.watch.serving import LOOPBACK
 
 if TYPE_CHECKING:
     import foxglove
@@ -53,6 +52,8 @@ class FoxgloveServer:
     def __init__(self, port: int) -> None:
         import foxglove
         from foxglove.websocket import ServerListener
+
+        from colony.watch.serving import LOOPBACK
 
         class Subscriptions(ServerListener):
             """Remembers that what does not change must be sent again; a thread of the server calls it."""
