@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import struct
 from base64 import b64decode
 from collections.abc import Iterator
@@ -116,7 +117,7 @@ def test_scans_begin_at_the_lowest_bearing_and_leave_out_what_is_out_of_range(fi
 )
 def test_a_scan_has_a_beam_for_each_bearing(bearings: tuple[float, ...], beams: list[int], size: int) -> None:
     shape = ScanShape(replace(scene().sensors[0], bearings=bearings))
-    ranges = shape.message(0, [1.0 + i / 1000 for i in range(len(bearings))])["ranges"]
+    ranges = shape.message(0, shape.in_range([1.0 + i / 1000 for i in range(len(bearings))]))["ranges"]
     assert (shape.beams, len(ranges)) == (beams, size)
     assert [ranges[b] for b in beams] == [1.0 + i / 1000 for i in range(len(bearings))]
     assert sum(x > 0 for x in ranges) == len(bearings)
@@ -217,6 +218,19 @@ def test_frames_without_memory_have_what_was_observed() -> None:
     assert "/contracts" not in read.messages
     assert len(read.messages["/tf"]) == FRAMES
     assert read.at("/log", 300)["message"] == "cruise -> avoid"
+
+
+@pytest.mark.parametrize("faulty", ["east", None, math.nan, math.inf, True, ("x",) * 4, (math.nan,) * 4, ()])
+def test_faulty_readings_are_left_out(faulty: Any) -> None:
+    readings = dict.fromkeys((s.name for s in PROGRAM.robot.sensors), faulty)
+    frames = [
+        f if k != 3 else replace(f, frame=f.frame._replace(readings=readings)) for k, f in enumerate(run())
+    ]
+    read = Read(written(frames))
+    for topic, found in read.messages.items():
+        assert "null" not in json.dumps(found), topic
+        assert "NaN" not in json.dumps(found), topic
+    assert 300 not in dict(read.messages["/tf"])
 
 
 def test_bounds_are_the_interpreters() -> None:

@@ -6,9 +6,10 @@ something begins, from the executor's memory, to explain them.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
@@ -17,9 +18,9 @@ from colony.analysis.moments import MomentFollower
 from colony.compile.pipeline import compile_program
 from colony.execute.decisions import BoundsStep
 from colony.execute.executor import ProgramExecutor
-from colony.ir.frame import MISSED, given_in_frame
+from colony.ir.frame import MISSED, Reading, given_in_frame
 from colony.ir.memory import ProgramMemory, state_cell
-from colony.ir.program import Actuator, Program
+from colony.ir.program import Actuator, Program, Sensor
 from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.runtime.protocol.messages import Verdict
 from colony.verify.explain.answer import Why, explain, explain_condition
@@ -45,10 +46,11 @@ from colony.watch.foxglove.shapes import (
 )
 from colony.watch.scene import (
     ActuatorScene,
+    FieldScene,
     PageScene,
     SensorScene,
+    StateScene,
     pose_sensors,
-    shown_sensors,
     shown_states,
 )
 
@@ -101,15 +103,15 @@ class RunMessages:
     def __init__(self, program: Program, scene: PageScene) -> None:
         self._program, self._scene = program, scene
         self._follower: Follower[ProgramExecutor] = Follower(ProgramExecutors(program))
-        self._interpreters = Interpreters(program)
-        pairs = tuple(zip(shown_sensors(program), scene.sensors, strict=True))
-        self._scans = [ScanShape(s) for _, s in pairs if s.kind == "polar" and s.is_distance]
-        scanned = {scan.sensor.name for scan in self._scans}
-        self._plotted = [s for _, s in pairs if s.name not in scanned]
-        self._zones = zones_of(program, [scan.sensor for scan in self._scans])
+        self._log = RunLog(program)
+        self._scans = [ScanShape(s) for s in scene.sensors if s.kind == "polar" and s.is_distance]
+        scanned = [scan.sensor for scan in self._scans]
+        self._plotted = [s for s in scene.sensors if s not in scanned]
+        self._zones = zones_of(program, scanned)
         self._pose = pose_sensors(program) if scene.has_pose else ()
-        fields = {s.field: s for s in program.robot.sensors if s.server == "DServer"}
-        self._goal = [fields[name] for name in ("GoalX", "GoalY") if name in fields]
+        variables = {s.field: s for s in program.robot.sensors if s.server == "DServer"}
+        goal = [variables[name] for name in ("GoalX", "GoalY") if name in variables]
+        self._goal = goal if len(goal) == 2 else []
         self._actuators = tuple(zip(program.robot.actuators, scene.actuators, strict=True))
         kept = compile_program(program).compiled.code.memory_cells  # without states that nothing reads
         states = zip(shown_states(program), scene.states, strict=True)
@@ -117,29 +119,26 @@ class RunMessages:
         self._ranges: dict[str, Sequence[float]] = {}
         self._path: list[tuple[float, float]] = []
         self._due = dict.fromkeys(("/path", "/zones"), 0)
-        self._last: dict[str, Any] = {}
+        self._sent: dict[str, object] | None = None  # what topics that seldom change had last
         self.channels = tuple(self._channels())
 
     def _channels(self) -> Iterator[RunChannel]:
         drawn = {f"/scans/{scan.sensor.name}": "LaserScan" for scan in self._scans}
-        if self._scene.footprint_mm:
-            drawn["/footprint"] = "SceneUpdate"
-        if self._zones:
-            drawn["/zones"] = "SceneUpdate"
+        drawn |= {"/footprint": "SceneUpdate"} if self._scene.footprint_mm else {}
+        drawn |= {"/zones": "SceneUpdate"} if self._zones else {}
+        drawn |= {"/goal": "SceneUpdate"} if self._goal else {}
+        drawn |= {"/map": "Grid"} if self._scene.map is not None else {}
         if self._pose:
             drawn |= {"/tf": "FrameTransform", "/pose": "PoseInFrame", "/path": "SceneUpdate"}
-        if len(self._goal) == 2:
-            drawn["/goal"] = "SceneUpdate"
-        if self._scene.map is not None:
-            drawn["/map"] = "Grid"
         for topic, name in {**drawn, "/log": "Log"}.items():
             yield RunChannel(topic, f"foxglove.{name}", WELL_KNOWN[f"foxglove.{name}"])
-        plots = {"/sensors": {s.name: _schema(s) for s in self._plotted}}
-        plots["/modules"] = dict.fromkeys(self._scene.modules, TEXT)
-        plots["/contracts"] = {c.name: FLAG for c in self._program.contracts}
-        plots["/states"] = {s.name: _schema(s) for _, s in self._states}
-        for _, actuator in self._actuators:
-            plots[f"/actuators/{actuator.name}"] = _actuator_schema(actuator)
+        plots: dict[str, Mapping[str, Schema]] = {
+            "/sensors": {s.name: _schema(s) for s in self._plotted},
+            "/modules": dict.fromkeys(self._scene.modules, TEXT),
+            "/contracts": {c.name: FLAG for c in self._program.contracts},
+            "/states": {s.name: _schema(s) for _, s in self._states},
+            **{f"/actuators/{a.name}": _actuator_schema(a) for _, a in self._actuators},
+        }
         for topic, members in plots.items():
             if members:
                 name = f"colony{topic.replace('/', '.')}"
@@ -147,7 +146,7 @@ class RunMessages:
 
     def still(self, t_ns: int) -> Iterator[RunMessage]:
         """Yield what does not change, and let the next frame have all that seldom changes, for newcomers."""
-        self._last = {name: x for name, x in self._last.items() if not name.startswith("/")}
+        self._sent = {}
         if self._scene.footprint_mm:
             corners = [(x / MM_PER_M, y / MM_PER_M) for x, y in self._scene.footprint_mm]
             outline = [line(corners, BLUE, closed=True), line([(0, 0), (max(corners)[0], 0)], BLUE)]
@@ -157,22 +156,22 @@ class RunMessages:
 
     def take(self, frame: RunFrame) -> Iterator[RunMessage]:
         """Yield the messages of the next frame; take all of them before the next frame."""
-        executor = self._follower.feed(frame)
         before: ProgramMemory | None = None
+        after: ProgramMemory | None = None
         bounds: Mapping[str, BoundsStep] = {}
-        breaches = frame.breaches
-        memory: ProgramMemory | None = None
+        breaches, t_ns = frame.breaches, frame.frame.t_ns
+        executor = self._follower.feed(frame)
         if not isinstance(executor, UnknownMemory):
             before = executor.memory
             given = given_in_frame(self._program.robot.actuators, frame.verdicts)
             breaches = executor.step(frame.frame, frame.answers, given).breaches
-            bounds, memory = executor.bounds(), executor.memory
-        t_ns = frame.frame.t_ns
-        if "winners" not in self._last:
+            bounds, after = executor.bounds(), executor.memory
+        if self._sent is None:
             yield from self.still(t_ns)
         for scan in self._scans:
             yield from self._scanned(scan, frame)
         yield from self._places(frame)
+        yield from self._shown_zones(t_ns, bounds)
         if self._plotted:
             yield _message("/sensors", t_ns, dict(self._plots(frame)))
         for actuator, scene in self._actuators:
@@ -180,66 +179,66 @@ class RunMessages:
             if verdict is not None:
                 plot = _actuator_plot(actuator, scene, verdict, bounds.get(actuator.name))
                 yield _message(f"/actuators/{actuator.name}", t_ns, plot)
-        yield from self._shown_zones(t_ns, bounds)
-        yield from self._changed(
-            t_ns, "/modules", {m: f for v in frame.verdicts.values() for m, f in v.fates}
-        )
-        if memory is not None:
-            shown = {s.name: _shown(memory.cells[cell], s, s.factor) for cell, s in self._states}
-            yield from self._changed(t_ns, "/states", shown)
+        fates = {client: fate for v in frame.verdicts.values() for client, fate in v.fates}
+        yield from self._changed("/modules", t_ns, fates)
+        if after is not None:
+            states = {s.name: _shown(after.cells[cell], s, s.factor) for cell, s in self._states}
+            yield from self._changed("/states", t_ns, states)
         if breaches is not None:
             held = {c.name: c.name not in breaches for c in self._program.contracts}
-            yield from self._changed(t_ns, "/contracts", held)
-        yield from self._log(frame, before, breaches)
+            yield from self._changed("/contracts", t_ns, held)
+        yield from self._log.take(frame, before, breaches)
 
-    # --- what there is to see --------------------------------------------------------------------------
+    def _is_new(self, topic: str, content: object) -> bool:
+        """Return True, and keep the content, if a topic has not had it last."""
+        assert self._sent is not None, "a frame is taken"
+        is_new = self._sent.get(topic) != content
+        self._sent[topic] = content
+        return is_new
+
+    def _changed(self, topic: str, t_ns: int, now: Mapping[str, object]) -> Iterator[RunMessage]:
+        if now and self._is_new(topic, now):
+            yield _message(topic, t_ns, now)
 
     def _scanned(self, scan: ScanShape, frame: RunFrame) -> Iterator[RunMessage]:
-        """Yield a scan that is new: lidars give one in every second frame, or fewer."""
-        name, topic = scan.sensor.name, f"/scans/{scan.sensor.name}"
-        reading = frame.frame.readings.get(name)
-        if not isinstance(reading, Sequence) or len(reading) != len(scan.beams):
-            self._ranges.pop(name, None)
-        elif name not in self._ranges or self._last.get(topic) != reading:
+        """Yield a scan that is new: a lidar may give one in every second frame."""
+        name, topic, t_ns = scan.sensor.name, f"/scans/{scan.sensor.name}", frame.frame.t_ns
+        reading = _elements(frame.frame.readings.get(name), len(scan.beams))
+        if not self._is_new(topic, reading):
+            return
+        self._ranges.pop(name, None)
+        if reading:
             factor = scan.sensor.factor
-            self._last[topic], self._ranges[name] = reading, [round(x * factor, 4) for x in reading]
-            yield _message(topic, frame.frame.t_ns, scan.message(frame.frame.t_ns, self._ranges[name]))
+            self._ranges[name] = ranges = scan.in_range([round(x * factor, 4) for x in reading])
+            yield _message(topic, t_ns, scan.message(t_ns, ranges))
 
     def _plots(self, frame: RunFrame) -> Iterator[tuple[str, object]]:
+        """Yield the readings of the other sensors, without those that are missing or faulty."""
         for sensor in self._plotted:
             reading = frame.frame.readings.get(sensor.name)
-            if isinstance(reading, Sequence):
-                if len(reading) <= MAX_PLOTTED:
-                    yield sensor.name, [_shown(x, sensor, sensor.factor) for x in reading]
-            elif reading is not None:
-                yield sensor.name, _shown(reading, sensor, sensor.factor)
+            if not isinstance(reading, list | tuple):
+                found = _shown(reading, sensor, sensor.factor)
+                if found is not None:
+                    yield sensor.name, found
+            elif len(reading) <= MAX_PLOTTED:
+                elements = [_shown(x, sensor, sensor.factor) for x in reading]
+                if None not in elements:
+                    yield sensor.name, elements
 
     def _places(self, frame: RunFrame) -> Iterator[RunMessage]:
         """Yield the robot's place, its path and its goal."""
-        t_ns, readings = frame.frame.t_ns, frame.frame.readings
-        goal = [_base(readings.get(s.name), s.factor) for s in self._goal]
-        if len(goal) == 2 and None not in goal and self._last.get("/goal") != goal:
-            self._last["/goal"] = goal
-            ball = sphere(goal[0] / MM_PER_M, goal[1] / MM_PER_M, 0.3, ORANGE)  # type: ignore[operator]
+        t_ns = frame.frame.t_ns
+        if (goal := _numbers(frame, self._goal)) and self._is_new("/goal", goal):
+            ball = sphere(goal[0] / MM_PER_M, goal[1] / MM_PER_M, 0.3, ORANGE)
             yield _message("/goal", t_ns, scene_update(t_ns, MAP, "goal", spheres=[ball]))
-        place = [_base(readings.get(s.name), s.factor) for s in self._pose]
-        if not place or None in place:
+        place = _numbers(frame, self._pose)
+        if not place:
             return
         x, y, heading = place
-        assert x is not None and y is not None and heading is not None  # noqa: PT018
-        pose = pose_of(x, y, heading)
-        yield _message(
-            "/tf",
-            t_ns,
-            {
-                "timestamp": time_of(t_ns),
-                "parent_frame_id": MAP,
-                "child_frame_id": BASE,
-                "translation": pose["position"],
-                "rotation": pose["orientation"],
-            },
-        )
-        yield _message("/pose", t_ns, {"timestamp": time_of(t_ns), "frame_id": MAP, "pose": pose})
+        pose, now = pose_of(x, y, heading), {"timestamp": time_of(t_ns)}
+        step = {"translation": pose["position"], "rotation": pose["orientation"]}
+        yield _message("/tf", t_ns, {**now, "parent_frame_id": MAP, "child_frame_id": BASE, **step})
+        yield _message("/pose", t_ns, {**now, "frame_id": MAP, "pose": pose})
         if t_ns >= self._due["/path"]:
             self._due["/path"] = t_ns + PATH_INTERVAL_NS
             self._path.append((round(x / MM_PER_M, 3), round(y / MM_PER_M, 3)))
@@ -252,60 +251,67 @@ class RunMessages:
         if not self._zones or t_ns < self._due["/zones"]:
             return
         self._due["/zones"] = t_ns + ZONE_INTERVAL_NS
-        actuators = {a.name: a for a, _ in self._actuators}
+        fields = {a.name: a.fields for a, _ in self._actuators}
         drawn = []
         for zone in self._zones:
             step, i = bounds.get(zone.limit.actuator), zone.limit.field_index
-            field = actuators[zone.limit.actuator].fields[i]
-            widest = field.high if zone.limit.relation == "<=" else field.low
-            now = (step.high if zone.limit.relation == "<=" else step.low) if step is not None else ()
-            in_force = bool(now) and now[i] != widest
-            drawn.append(line(zone.outline(self._ranges), ORANGE if in_force else GRAY, closed=True))
+            end = "high" if zone.limit.relation == "<=" else "low"
+            now: tuple[float | None, ...] = () if step is None else getattr(step, end)
+            is_narrow = bool(now) and now[i] != getattr(fields[zone.limit.actuator][i], end)
+            if corners := zone.outline(self._ranges):
+                drawn.append(line(corners, ORANGE if is_narrow else GRAY, closed=True))
         yield _message("/zones", t_ns, scene_update(t_ns, BASE, "zones", drawn))
 
-    def _changed(self, t_ns: int, topic: str, now: Mapping[str, object]) -> Iterator[RunMessage]:
-        """Yield a message of a topic if it has changed."""
-        if now and self._last.get(topic) != now:
-            self._last[topic] = now
-            yield _message(topic, t_ns, now)
 
-    # --- the log -----------------------------------------------------------------------------------------
+class RunLog:
+    """Writes what begins with a frame, and why. Stateful; takes every frame, in order."""
 
-    def _log(
+    def __init__(self, program: Program) -> None:
+        self._program, self._interpreters = program, Interpreters(program)
+        self._winners: dict[str, str] = {}
+        self._broken: frozenset[str] = frozenset()
+        self._missed: frozenset[str] = frozenset()
+        self._is_stopped = False
+        self._is_first = True
+
+    def take(
         self, frame: RunFrame, before: ProgramMemory | None, breaches: tuple[str, ...] | None
     ) -> Iterator[RunMessage]:
-        """Yield what begins with a frame: winners, broken contracts, missed clients, stops, restarts."""
-        t_ns, last = frame.frame.t_ns, self._last
-        winners = {name: _winner(v) for name, v in frame.verdicts.items()}
-        previous = last.get("winners", {})
-        changed = {n: w for n, w in winners.items() if w != previous.get(n, _NOBODY)}
-        newly = [
-            c for c in self._program.contracts if c.name in set(breaches or ()) - last.get("broken", set())
-        ]
+        """Yield what begins with a frame: winners, broken contracts, missed clients, stops, restarts.
+
+        Args:
+            frame: the frame.
+            before: the memory before it, None if it is not known.
+            breaches: the contracts that are broken, None if that is not known.
+        """
+        t_ns = frame.frame.t_ns
+        winners = {name: v.outside or v.by or v.hold or _NOBODY for name, v in frame.verdicts.items()}
+        changed = {name: by for name, by in winners.items() if by != self._winners.get(name, _NOBODY)}
+        broken = self._broken if breaches is None else frozenset(breaches)
+        newly = [c for c in self._program.contracts if c.name in broken - self._broken]
         moment = self._moment(frame, before) if changed or newly else None
-        for name, winner in changed.items():
-            text = f"{previous.get(name, _NOBODY)} -> {winner}"
-            if moment is not None:
-                text = "\n".join((text, *lines(explain(moment, Why(name)))[1 : MAX_REASON_LINES + 1]))
-            yield _log(t_ns, INFO, name, text)
-        for contract in newly:
-            text = "broken"
-            if moment is not None:
-                text += f": {short(explain_condition(moment, contract.name, contract.expression))}"
-            kind = "assumption" if contract.is_assumption else "contract"
-            yield _log(t_ns, WARNING if contract.is_assumption else ERROR, f"{kind} {contract.name}", text)
-        missed = {f"{n}/{c}": f for n, v in frame.verdicts.items() for c, f in v.fates if f in MISSED}
-        for name in missed.keys() - last.get("missed", {}).keys():
-            yield _log(t_ns, WARNING, name, missed[name])
+        for name, by in changed.items():
+            why = () if moment is None else lines(explain(moment, Why(name)))[1 : MAX_REASON_LINES + 1]
+            text = "\n".join((f"{self._winners.get(name, _NOBODY)} -> {by}", *why))
+            yield _entry(t_ns, INFO, name, text)
+        for c in newly:
+            why = () if moment is None else (short(explain_condition(moment, c.name, c.expression)),)
+            kind, level = ("assumption", WARNING) if c.is_assumption else ("contract", ERROR)
+            yield _entry(t_ns, level, f"{kind} {c.name}", ": ".join(("broken", *why)))
+        missed = {
+            f"{n}/{c}": fate for n, v in frame.verdicts.items() for c, fate in v.fates if fate in MISSED
+        }
+        for name in [n for n in missed if n not in self._missed]:
+            yield _entry(t_ns, WARNING, name, missed[name])
         stopped = frame.tick.stopped
-        if (stopped is None) != (last.get("stopped") is None):
-            text = "released" if stopped is None else f"by {stopped.by or 'a user'}"
-            yield _log(t_ns, WARNING, "emergency stop", text)
-        if "winners" in last and (frame.begins_epoch or frame.frame.restarted):
-            yield _log(t_ns, WARNING, "clock", "all memory restarts")
-        if breaches is not None:
-            last["broken"] = set(breaches)
-        last |= {"winners": {**previous, **winners}, "missed": missed, "stopped": stopped}
+        if (stopped is not None) != self._is_stopped:
+            text = "released" if stopped is None else f"by {stopped.by}"
+            yield _entry(t_ns, WARNING, "emergency stop", text)
+        if not self._is_first and (frame.begins_epoch or frame.frame.restarted):
+            yield _entry(t_ns, WARNING, "clock", "all memory restarts")
+        self._winners |= winners
+        self._broken, self._missed = broken, frozenset(missed)
+        self._is_stopped, self._is_first = stopped is not None, False
 
     def _moment(self, frame: RunFrame, before: ProgramMemory | None) -> Moment | None:
         """Return a frame as a moment, from the memory before it; None if that is not known."""
@@ -319,42 +325,48 @@ def _message(topic: str, t_ns: int, payload: object) -> RunMessage:
     return RunMessage(topic, t_ns, _encode(payload))
 
 
-def _log(t_ns: int, level: int, name: str, text: str) -> RunMessage:
-    payload = {
-        "timestamp": time_of(t_ns),
-        "level": level,
-        "message": text,
-        "name": name,
-        "file": "",
-        "line": 0,
-    }
-    return _message("/log", t_ns, payload)
+def _entry(t_ns: int, level: int, name: str, text: str) -> RunMessage:
+    entry = {"level": level, "message": text, "name": name, "file": "", "line": 0}
+    return _message("/log", t_ns, {"timestamp": time_of(t_ns), **entry})
 
 
-def _winner(verdict: Verdict) -> str:
-    return verdict.outside or verdict.by or verdict.hold or _NOBODY
+def _elements(reading: Reading, size: int) -> Sequence[float]:
+    """Return the elements of an array of numbers; none if it is missing or faulty."""
+    is_array = isinstance(reading, list | tuple) and len(reading) == size
+    return reading if is_array and set(map(type, reading)) <= {int, float} else ()  # type: ignore[arg-type,return-value]
 
 
-def _base(reading: object, factor: float) -> float | None:
-    return reading * factor if isinstance(reading, int | float) else None
+def _numbers(frame: RunFrame, sensors: Sequence[Sensor]) -> list[float]:
+    """Return readings in base units; none if one of them is missing or faulty."""
+    readings = _elements([frame.frame.readings.get(s.name) for s in sensors], len(sensors))  # type: ignore[misc]
+    found = [x * s.factor for x, s in zip(readings, sensors, strict=False)]
+    return found if all(map(math.isfinite, found)) else []
 
 
-def _schema(shown: Any) -> Schema:
+Plotted = SensorScene | StateScene | FieldScene
+
+
+def _schema(shown: Plotted) -> Schema:
     """Return the schema of a sensor, a state or a field as it is plotted."""
-    own = TEXT if shown.words and shown.words != ("false", "true") else FLAG if shown.words else NUMBER
+    own = TEXT if shown.words and shown.words != _TRUTHS else FLAG if shown.words else NUMBER
     described = {**own, "description": shown.unit} if shown.unit else own
     return (
         array(described) if isinstance(shown, SensorScene) and shown.kind in ("polar", "row") else described
     )
 
 
-def _shown(value: Any, shown: Any, factor: float = 1.0) -> object:
-    """Return a value as it is plotted: bools, enumerators by their names, or numbers times a factor."""
+_TRUTHS = ("false", "true")
+
+
+def _shown(value: object, shown: Plotted, factor: float = 1.0) -> object:
+    """Return a value as it is plotted: a bool, an enumerator's name, a number times a factor, or None."""
     if isinstance(value, bool):
         return value
+    if not isinstance(value, int | float) or not math.isfinite(value):
+        return None
     if not shown.words:
         return value * factor
-    return next((w for w, n in zip(shown.words, shown.numbers, strict=True) if n == value), str(value))
+    return next((w for w, n in zip(shown.words, shown.numbers, strict=True) if n == value), None)
 
 
 def _actuator_schema(actuator: ActuatorScene) -> dict[str, Schema]:

@@ -129,16 +129,19 @@ class ScanShape:
             "intensities": [],
         }
 
-    def message(self, t_ns: int, ranges: Sequence[float]) -> Shape:
-        """Return a scan; a beam without an element, or in which nothing is in range, has the range 0."""
+    def in_range(self, ranges: Sequence[float]) -> list[float]:
+        """Return ranges in meters, with 0 where nothing is in range."""
         far = math.inf if self.sensor.high is None else self.sensor.high
-        found = [x if x < far else 0.0 for x in ranges]
+        return [x if 0 <= x < far else 0.0 for x in ranges]
+
+    def message(self, t_ns: int, ranges: Sequence[float]) -> Shape:
+        """Return a scan; a beam without an element has the range 0."""
         if not self._is_plain:
             beams = [0.0] * (max(self.beams) + 1)
-            for beam, x in zip(self.beams, found, strict=True):
+            for beam, x in zip(self.beams, ranges, strict=True):
                 beams[beam] = x
-            found = beams
-        return {**self._head, "timestamp": time_of(t_ns), "ranges": found}
+            ranges = beams
+        return {**self._head, "timestamp": time_of(t_ns), "ranges": ranges}
 
 
 # --- zones ---------------------------------------------------------------------------------------------
@@ -160,16 +163,14 @@ class Zone(NamedTuple):
     angles: tuple[float, ...]
     watched: Mapping[str, tuple[int, ...]]
 
-    def outline(
-        self, ranges: Mapping[str, Sequence[float]], default: float = 1.0
-    ) -> list[tuple[float, float]]:
-        """Return the corners of the sector, out to the nearest of the ranges, in meters."""
-        seen = [ranges[name][i] for name, indices in self.watched.items() if name in ranges for i in indices]
-        radius = min(seen, default=default)
+    def outline(self, ranges: Mapping[str, Sequence[float]]) -> list[tuple[float, float]]:
+        """Return the corners of the sector, out to the nearest of the ranges, in meters; none without one."""
+        seen = (ranges[name][i] for name, indices in self.watched.items() if name in ranges for i in indices)
+        radius = min((x for x in seen if x > 0), default=0.0)
         every = max(1, len(self.angles) // MAX_CORNERS)
-        corners = dict.fromkeys((*self.angles[::every], self.angles[-1]))
-        arc = ((radius * math.cos(a), radius * math.sin(a)) for a in map(math.radians, corners))
-        return [(0.0, 0.0), *((round(x, 3), round(y, 3)) for x, y in arc)]
+        corners = map(math.radians, dict.fromkeys((*self.angles[::every], self.angles[-1])))
+        arc = [(round(radius * math.cos(a), 3), round(radius * math.sin(a), 3)) for a in corners]
+        return [(0.0, 0.0), *arc] if radius else []
 
 
 def zones_of(program: Program, scans: Sequence[SensorScene]) -> tuple[Zone, ...]:
