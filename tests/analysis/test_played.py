@@ -82,6 +82,20 @@ def test_a_command_from_outside_has_its_source() -> None:
     assert last.breaches == ("c",)
 
 
+def test_a_module_in_python_answers_as_the_proof_assumed() -> None:
+    python = 'module p from python "nowhere:Nothing" { reads sonar commands drive }'
+    text = ROBOT.replace("network { drive = back", f"{python} network {{ drive = p suppresses (back")
+    program = load_text(
+        text.replace("suppresses go ", "suppresses go) ") + "contract c: drive.velocity < 0.9 m/s"
+    )
+    trace = trace_of(first(program))  # type: ignore[arg-type]
+    assert trace is not None
+    last = PlayedRun(program, trace.snapshots).recorded[-1]
+    assert last.breaches == ("c",)
+    assert last.verdicts["drive"].by == "p"
+    assert dict(last.verdicts["drive"].fates)["p"] == "won"
+
+
 def test_lost_clients_and_restarts_are_in_the_ticks() -> None:
     program = load_text(ROBOT)
     calm = Snapshot(0, {"bump": False})
