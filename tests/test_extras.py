@@ -96,6 +96,8 @@ def test_what_z3_would_prove_is_said(tmp_path: Path) -> None:
         ("vision x.png", ("cv2",), "vision"),
         ("watch clients.json", EVERYTHING, "watch"),
         ("run wander --map loop --watch", ("starlette",), "watch"),
+        ("verify wander --watch never_rams", ("starlette",), "watch"),
+        ("watch --robot rome --foxglove", ("foxglove",), "foxglove"),
     ],
 )
 def test_a_command_names_the_extra_that_it_lacks(
@@ -117,6 +119,12 @@ def test_watching_needs_no_other_extra(tmp_path: Path) -> None:
         port = str(taken.getsockname()[1])
         ran = _run(COMMAND, "watch", "run.mcap", "--port", port, folder=tmp_path, missing=missing)
     assert "cannot listen" in ran.stderr, ran.stderr
+
+
+def test_exporting_needs_none(tmp_path: Path) -> None:
+    (tmp_path / "run.mcap").write_bytes(recording())
+    ran = _run(COMMAND, "export", "run.mcap", "-o", "out.mcap", folder=tmp_path)
+    assert ran.returncode == 0, ran.stderr
 
 
 def test_the_library_says_so_too(tmp_path: Path) -> None:

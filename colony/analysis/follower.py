@@ -103,6 +103,28 @@ class Interpreters:
         return interpreter
 
 
+class ProgramExecutors:
+    """A factory of executors of the client list, which take a small part of an interpreter's time."""
+
+    def __init__(self, program: Program) -> None:
+        self._compiled = compile_program(program).compiled
+        self.answered = frozenset(self._compiled.python_modules)
+
+    def begin(self) -> ProgramExecutor:
+        """Return an executor with initial memory."""
+        return ProgramExecutor(self._compiled, simplified=False, answers_given=True)
+
+    def resume(self, memory: ProgramMemory) -> ProgramExecutor:
+        """Return an executor with this memory.
+
+        Raises:
+            ValueError: the memory is not that of the program.
+        """
+        executor = self.begin()
+        executor.resume(memory)
+        return executor
+
+
 class BackendExecutors:
     """A factory of executors of any backend, which run modules in Python; only interpreters resume."""
 

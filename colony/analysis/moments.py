@@ -32,10 +32,15 @@ class MomentFollower:
     frame, to be explained; it is None where memory is not known.
     """
 
-    def __init__(self, program: Program, checkpoint: FollowerCheckpoint | None = None) -> None:
+    def __init__(
+        self,
+        program: Program,
+        checkpoint: FollowerCheckpoint | None = None,
+        interpreters: Interpreters | None = None,
+    ) -> None:
         self._program = program
         self._can_be_lost = frozenset(modules_that_can_be_lost(program))
-        interpreters = Interpreters(program)
+        interpreters = interpreters or Interpreters(program)
         interpreter = interpreters.begin() if checkpoint is not None and checkpoint.is_known else None
         if interpreter is not None and checkpoint is not None and checkpoint.state is not None:
             interpreter.restore(checkpoint.state)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import click
 
@@ -12,6 +13,7 @@ from colony.cli.params_choice import params_option
 from colony.cli.reporting import load_program, report
 from colony.cli.robot_choice import description_option
 from colony.cli.verify.prover_options import depth_option, timeout_option
+from colony.cli.watch import page_options, watch_played
 from colony.extras import expect_extras
 from colony.ir.version import SEMANTICS
 from colony.verify.interruption import reliable_interrupts
@@ -35,6 +37,14 @@ from colony.verify.interruption import reliable_interrupts
     metavar="NAME_A=NAME_B",
     help="Compare these actuators of A and B, instead of those with the same name. May be repeated.",
 )
+@click.option(
+    "--watch",
+    "watches",
+    is_flag=True,
+    help="Show the run in the browser, once in A and once in B, as `colony watch` shows recordings, until "
+    "Ctrl-C.",
+)
+@page_options
 @depth_option("runs that differ")
 @timeout_option(20.0)
 @click.option("--format", "format_", type=click.Choice(["text", "json"]), default="text", show_default=True)
@@ -43,6 +53,9 @@ def command(
     b: str,
     ignore: tuple[str, ...],
     actuators: tuple[str, ...],
+    watches: bool,
+    port: int | None,
+    opens: bool,
     depth: int,
     timeout: float,
     format_: str,
@@ -64,8 +77,12 @@ def command(
       colony diff --actuator left=right figure_4_14 figure_4_14
     """
     pairs = [_pair(text) for text in actuators]
+    if (opens or port is not None) and not watches:
+        raise click.UsageError("--open and --port require --watch", click.get_current_context())
+    if watches and format_ != "text":
+        raise click.UsageError("--watch requires --format text", click.get_current_context())
     program_a, program_b = load_program(a, EXIT_MISUSE), load_program(b, EXIT_MISUSE)
-    expect_extras("verify")
+    expect_extras("verify", *(["watch"] if watches else []))
     from colony.text.diagnostics import DiagnosticError
     from colony.verify.contracts.results import ProofOptions
     from colony.verify.difference import DifferenceUndecided, Different, difference
@@ -83,6 +100,12 @@ def command(
         click.echo(json.dumps(compared, indent=2))
     else:
         click.echo("\n".join((f"A is {a}, B is {b}", *lines(program_a, program_b, result))))
+    if watches and isinstance(result, Different):
+        from colony.analysis.played import PlayedRun
+
+        run_a = PlayedRun(program_a, result.snapshots)
+        run_b = PlayedRun(program_b, result.snapshots_b)
+        watch_played({f"A, {Path(a).name}": run_a, f"B, {Path(b).name}": run_b}, port=port, opens=opens)
     code = EXIT_ERRORS if isinstance(result, Different) else EXIT_UNDECIDED
     if isinstance(result, Different | DifferenceUndecided):
         raise click.exceptions.Exit(code)

@@ -44,6 +44,7 @@ COMMANDS = {
     "data": "list, read, set and delete shared variables",
     "params": "list and change tunable params while a robot runs",
     "explain": "explain why the robot did what it did, or did not",
+    "export": "write a recording for Foxglove",
     "audit": "compare a recorded run with the reference interpreter",
     "map": "draw a map",
     "experiment": "simulate many runs of a behavior, and report statistics",

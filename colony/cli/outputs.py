@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, BinaryIO, NoReturn
 
 import click
 
@@ -113,21 +114,32 @@ def write_whole(path: Path, content: str | bytes) -> None:
     The target of a symbolic link is replaced; devices, and pipes that are open already, are written in place.
     """
     data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+    with write_to(path) as file:
+        file.write(data)
+
+
+@contextmanager
+def write_to(path: Path) -> Iterator[BinaryIO]:
+    """Lend a file that is written as by `write_whole` when the context ends without an exception."""
     try:
-        if _is_written_in_place(path):
-            path.write_bytes(data)
-        else:
-            _replace(path.resolve(), data)
+        in_place, target = _is_written_in_place(path), path.resolve()
+    except (OSError, RuntimeError, ValueError) as problem:
+        cannot_write(path, reason(problem))
+    try:
+        with path.open("wb") if in_place else _replacement(target) as file:
+            yield file
     except BrokenPipeError:
         raise
-    except (OSError, RuntimeError, ValueError) as problem:
+    except OSError as problem:
         cannot_write(path, reason(problem))
 
 
-def _replace(target: Path, data: bytes) -> None:
+@contextmanager
+def _replacement(target: Path) -> Iterator[BinaryIO]:
     temporary = target.with_name(f".colony-{os.getpid()}.part")
     try:
-        temporary.write_bytes(data)
+        with temporary.open("wb") as file:
+            yield file
         if target.exists():
             shutil.copymode(target, temporary)
         temporary.replace(target)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
@@ -26,15 +27,33 @@ from colony.cli.robot_options import (
 from colony.extras import expect_extras
 
 if TYPE_CHECKING:
+    from colony.analysis.played import PlayedRun
     from colony.ir.program import Program
+    from colony.runtime.recordings.recorded import RecordingReader
     from colony.runtime.transport.live.robot_address import RobotAddress
+    from colony.watch.foxglove.sinks import FoxgloveServer
     from colony.watch.scene import PageScene
     from colony.watch.serving import PageServer
     from colony.watch.watched import Watched
 
 POLL_S = 0.1
 
+DEFAULT_FOXGLOVE_PORT = 8765
+"""The port at which Foxglove looks for a live robot."""
+
 CLOSING = "closing the page"
+
+_Command = TypeVar("_Command", bound=Callable[..., object])
+
+
+def page_options(command: _Command) -> _Command:
+    """Add the options of a page: its port, and whether to open it."""
+    port = click.option(
+        "--port",
+        type=click.IntRange(0, 65535),
+        help="The port of the page. [default: 7450, or any that is free]",
+    )
+    return port(click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")(command))
 
 
 @click.command("watch", short_help="watch a recording or a running robot in the browser")
@@ -47,16 +66,22 @@ CLOSING = "closing the page"
 )
 @params_option()
 @map_option
-@click.option(
-    "--port", type=click.IntRange(0, 65535), help="The port of the page. [default: 7450, or any that is free]"
-)
-@click.option("--open", "opens", is_flag=True, help="Open the page in the browser.")
+@page_options
 @robot_and_description_option(
     "Watch this robot. While it runs no program, its description, by default the one called NAME, says what "
     "there is to see. For a recording, the description of its robot."
 )
 @connect_option()
 @security_option()
+@click.option(
+    "--foxglove",
+    "foxglove_port",
+    type=click.IntRange(0, 65535),
+    is_flag=False,
+    flag_value=DEFAULT_FOXGLOVE_PORT,
+    metavar="[PORT]",
+    help=f"Also show the robot in Foxglove, by ws://127.0.0.1:PORT. [default: {DEFAULT_FOXGLOVE_PORT}]",
+)
 @click.option("--allow-stop", is_flag=True, help="Let the page stop the robot in an emergency.")
 @click.option("--allow-tuning", is_flag=True, help="Let the page change tunable params.")
 def command(
@@ -68,6 +93,7 @@ def command(
     robot: str | None,
     connect: str | None,
     security: Path | None,
+    foxglove_port: int | None,
     allow_stop: bool,
     allow_tuning: bool,
 ) -> None:
@@ -90,19 +116,20 @@ def command(
       colony watch run.mcap --map loop --open
       colony watch run.jsonl --behavior wander
       colony watch --robot rome --map loop --allow-stop
+      colony watch --robot rome --map loop --foxglove
       colony watch --robot rome --connect tls/rome.lab:7447 --security ada.toml
     """
     context = click.get_current_context()
     if recording is None and robot is None:
         raise click.UsageError("give a RECORDING, or --robot NAME", context)
     rights = {"--allow-stop": allow_stop or None, "--allow-tuning": allow_tuning or None}
-    live = {"--connect": connect, "--security": security} | rights
+    live = {"--connect": connect, "--security": security, "--foxglove": foxglove_port} | rights
     given = [name for name, value in live.items() if value is not None]
     if recording is not None and given:
         raise click.UsageError(f"{given[0]} is for a robot that runs, not for a recording", context)
     if recording is None and behavior is not None:
         raise click.UsageError("--behavior is for a recording: a robot that runs gives its program", context)
-    expect_extras("watch")
+    expect_extras("watch", *([] if foxglove_port is None else ["foxglove"]))
     with ExitStack() as resources:
         if recording is not None:
             watched = _recorded(recording, behavior, map_path, resources)
@@ -116,6 +143,7 @@ def command(
                 robot_address,
                 map_path,
                 port=port,
+                foxglove_port=foxglove_port,
                 opens=opens,
                 may_stop=allow_stop,
                 may_tune=allow_tuning,
@@ -125,10 +153,6 @@ def command(
 def _recorded(recording: str, behavior: str | None, map_path: str | None, resources: ExitStack) -> Watched:
     from colony.analysis.recording import OpenRecording
     from colony.text.diagnostics import DiagnosticError
-    from colony.watch.sources import RecordingSource
-    from colony.watch.store import SnapshotStore
-    from colony.watch.trail import RunTrail
-    from colony.watch.watched import Watched
 
     try:
         opened = resources.enter_context(OpenRecording.at(recording))
@@ -139,11 +163,38 @@ def _recorded(recording: str, behavior: str | None, map_path: str | None, resour
         scene = scene_for(program, title, map_path, None if reader.run is None else reader.run.robot)
     except DiagnosticError as failure:
         refuse(failure.diagnostics)
+    return _read(reader, program, scene, resources)
+
+
+def _read(reader: RecordingReader, program: Program, scene: PageScene, resources: ExitStack) -> Watched:
+    """Return a recording that is read in the background until the resources are released."""
+    from colony.watch.sources import RecordingSource
+    from colony.watch.store import SnapshotStore
+    from colony.watch.trail import RunTrail
+    from colony.watch.watched import Watched
+
     store = SnapshotStore(scene.modules)
     resources.callback(store.close)
     trail = RunTrail(program)
     resources.enter_context(RecordingSource(reader, program, store, trail))
     return Watched(scene=scene, store=store, is_live=False, explain=trail.explain)
+
+
+def watch_played(runs: Mapping[str, PlayedRun], *, port: int | None, opens: bool) -> None:
+    """Serve a page for each run that a proof found, by its title, until the command is interrupted.
+
+    The second page has the next port that is free. Exits with 2 if the port is taken.
+    """
+    with ExitStack() as resources:
+        interrupted = resources.enter_context(interruptible(CLOSING))
+        for title, run in runs.items():
+            watched = _read(run, run.program, scene_for(run.program, title, None, None), resources)
+            server = resources.enter_context(page_server(watched, port))
+            click.echo(f"{title}: ", nl=False)
+            _tell(server, opens=opens)
+            port = None
+        while not interrupted():
+            time.sleep(POLL_S)
 
 
 def _watch_live(
@@ -152,6 +203,7 @@ def _watch_live(
     map_path: str | None,
     *,
     port: int | None,
+    foxglove_port: int | None,
     opens: bool,
     may_stop: bool,
     may_tune: bool,
@@ -173,9 +225,13 @@ def _watch_live(
             scene_for=lambda program, title: scene_for(program, title, map_path, robot),
             may_stop=may_stop,
             may_tune=may_tune,
+            tap_for=None if foxglove is None else foxglove.tap_for,
         )
 
     with ExitStack() as resources:
+        foxglove = None if foxglove_port is None else foxglove_server(foxglove_port)
+        if foxglove is not None:
+            resources.callback(foxglove.close)
         with reporting_connection_errors():
             try:
                 runs = resources.enter_context(Succession(robot_address, join))
@@ -184,6 +240,8 @@ def _watch_live(
         interrupted = resources.enter_context(interruptible(CLOSING))
         server = resources.enter_context(page_server(runs.watched, port))
         _tell(server, opens=opens)
+        if foxglove is not None:
+            click.echo(f"in Foxglove, open the connection {foxglove.url}")
         while not interrupted():
             time.sleep(POLL_S)
             try:
@@ -238,6 +296,17 @@ def _tell(server: PageServer, *, opens: bool) -> None:
 
         if (link := page_link(os.environ, server.url)) is None or not webbrowser.open(link):
             say("the page cannot be opened from here: open the address")
+
+
+def foxglove_server(port: int) -> FoxgloveServer:
+    """Return a server for Foxglove; exit with 2 if the port is taken."""
+    from colony.watch.foxglove.sinks import FoxgloveServer
+
+    try:
+        return FoxgloveServer(port)
+    except RuntimeError as problem:
+        say(f"colony: error: --foxglove: cannot listen on {port}: {problem}")
+        raise click.exceptions.Exit(EXIT_MISUSE) from None
 
 
 def page_server(watched: Watched, port: int | None) -> PageServer:

@@ -153,6 +153,11 @@ class ProgramExecutor:
         values = self._machine.values
         return tuple(_declared(a.actuator, decide(a, self._winner(a), values)) for a in self.code.actuators)
 
+    def bounds(self) -> dict[str, BoundsStep]:
+        """Return the bounds of each actuator's fields in the last frame, in base units."""
+        values = self._machine.values
+        return {a.actuator.name: bounds_in_frame(a, values) for a in self.code.actuators}
+
     def restart(self) -> None:
         """Restart from the initial memory, with new instances of the Python modules.
 

@@ -228,6 +228,7 @@ def joined_run(
     scene_for: Callable[[Program, str], PageScene],
     may_stop: bool,
     may_tune: bool,
+    tap_for: Callable[[Program, PageScene], Callable[[RunFrame], None]] | None = None,
 ) -> Iterator[JoinedRun]:
     """Watch the run of a robot, or the robot alone if it runs no program, as long as the context lasts.
 
@@ -239,6 +240,7 @@ def joined_run(
         scene_for: returns the scene of a program, with a title.
         may_stop: True if pages may stop the robot.
         may_tune: True if pages may change tunable params.
+        tap_for: returns what also takes each frame of a program.
 
     Raises:
         LiveError, RobotConnectionError: the robot cannot be joined, or runs no program and its description is
@@ -256,7 +258,8 @@ def joined_run(
             scene = scene_for(program, f"run {found.run}")
         store, trail = SnapshotStore(scene.modules, max_bytes=STORE_BYTES), RunTrail(program)
         resources.callback(store.close)
-        source = LiveSource(program, store, trail)
+        taps = () if tap_for is None else (tap_for(program, scene),)
+        source = LiveSource(program, store, trail, *taps)
         resources.callback(source.close)
         listened = (
             listening_idle(robot_address, program, found, source)

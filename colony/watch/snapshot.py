@@ -332,9 +332,12 @@ class FrameMark(IntFlag):
 
 
 def mark_of(before: PageFrame | None, now: PageFrame) -> FrameMark:
-    """Return what begins with a frame; `before` is the frame before it, None for the first."""
+    """Return what begins with a frame; `before` is the frame before it, None for the first.
+
+    Only a broken contract can begin with the first frame: nothing else of a run begins there.
+    """
     if before is None:
-        return FrameMark.NOTHING
+        return FrameMark.BREACH if "broken" in now.contracts else FrameMark.NOTHING
     pairs = tuple(zip(before.commands, now.commands, strict=True))
     mark = FrameMark.NOTHING
     if any(a.by != b.by for a, b in pairs):

@@ -8,6 +8,7 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
 
@@ -126,10 +127,17 @@ class LiveSource:
         program: the program of the run.
         store: the store to fill.
         trail: the trail to fill.
+        tap: function that also takes each frame, in the same thread.
     """
 
-    def __init__(self, program: Program, store: SnapshotStore, trail: RunTrail) -> None:
-        self._follower = RunFollower(program, store, trail)
+    def __init__(
+        self,
+        program: Program,
+        store: SnapshotStore,
+        trail: RunTrail,
+        tap: Callable[[RunFrame], None] = lambda frame: None,
+    ) -> None:
+        self._follower, self._tap = RunFollower(program, store, trail), tap
         self._store = store
         self._waiting: deque[RunFrame] = deque()
         self._changed = threading.Condition()
@@ -165,6 +173,7 @@ class LiveSource:
         try:
             while (frame := self._next()) is not None:
                 self._follower.take(frame)
+                self._tap(frame)
         except OSError as problem:
             self._store.problem = f"the frames cannot be kept: {problem.strerror}"
 

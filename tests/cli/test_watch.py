@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from tests.watch.runs import recording
     [
         ((), "give a RECORDING, or --robot NAME"),
         (("run.mcap", "--allow-stop"), "--allow-stop is for a robot that runs"),
+        (("run.mcap", "--foxglove"), "--foxglove is for a robot that runs"),
         (("--robot", "rome", "--behavior", "wander"), "--behavior is for a recording"),
     ],
 )
@@ -36,14 +38,19 @@ def test_a_robot_that_does_not_run(colony: Colony, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_port_that_is_taken(colony: Colony, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import socket
-
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     (tmp_path / "run.mcap").write_bytes(recording())
     with socket.create_server(("127.0.0.1", 0)) as taken:
         ran = colony("watch", "run.mcap", "--port", str(taken.getsockname()[1]))
     assert ran.code == 2
     assert "cannot listen" in ran.err
+
+
+def test_a_port_for_foxglove_that_is_taken(colony: Colony) -> None:
+    pytest.importorskip("foxglove", reason="needs foxglove-sdk")
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = str(taken.getsockname()[1])
+        assert "cannot listen" in colony.one_line("watch", "--robot", "rome", "--foxglove", port)
 
 
 def test_a_recording_is_that_of_the_robot_of_its_run(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from websockets.sync.client import connect
 
 from colony.runtime.kit.errors import CallRefusedError
 from colony.runtime.library import robot
@@ -15,6 +16,7 @@ from tests.cli.machine import MAP, ROBOT, WANDER, Machine, Started, failed, rele
 from tests.runtime.transport.live.certificates import Authority, free_port
 from tests.waiting import until
 from tests.watch.runs import Page, page
+from tests.watch.test_foxglove import Client
 
 pytestmark = pytest.mark.long
 
@@ -142,3 +144,25 @@ def test_a_page_says_why_nothing_moves(machine: Machine, tmp_path: Path) -> None
     with opened(machine.start("watch", "--robot", ROBOT, "--port", "0")) as shown:
         troubles = shown.until(lambda m: m.get("seen", {}).get("troubles"))["seen"]["troubles"]
     assert troubles == ["nothing moves: `stand` commands it to stand, or a limit holds it at 0"]
+
+
+def test_a_robot_is_shown_in_foxglove_and_so_is_its_next_program(machine: Machine) -> None:
+    pytest.importorskip("foxglove", reason="needs foxglove-sdk")
+    servers = machine.start("serve", "all", "--robot", f"{ROBOT}=rome", "--map", MAP)
+    until(lambda: servers.ended() or machine.stands(), "the robot is there")
+    watcher = machine.start("watch", "--robot", ROBOT, "--port", "0", "--foxglove", "0")
+    until(lambda: failed(watcher) or "ws://" in watcher.out, "Foxglove is served")
+    url = watcher.out.split()[-1]
+    with connect(url, subprotocols=["foxglove.sdk.v1"], proxy=None) as socket:  # type: ignore[list-item]
+        client = Client(socket)
+        assert "/actuators/drive" in {c["topic"] for c in client.subscribe()}
+        while client.message()[0] != "/scans/sonar":
+            pass
+        run = machine.start("drive", WANDER, "--robot", ROBOT)
+        offered = set[str]()
+        while "/modules" not in offered:
+            offered |= {c["topic"] for c in client.subscribe()}
+        while client.message()[0] != "/modules":
+            pass
+    assert run.interrupt() == 130
+    assert watcher.interrupt() == 0

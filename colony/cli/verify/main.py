@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import click
 
@@ -13,14 +14,18 @@ from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
 from colony.cli.outputs import BEHAVIOR
 from colony.cli.params_choice import params_option
 from colony.cli.progress import proof_progress
-from colony.cli.reporting import Format, format_option, is_unreadable
+from colony.cli.reporting import Format, format_option, is_unreadable, say
 from colony.cli.robot_choice import description_option
 from colony.cli.verify.output import finish_output, show_rest, show_result
 from colony.cli.verify.prover_options import COUNTED, DEFAULT_SECONDS, ProverSeconds, depth_option
 from colony.cli.verify.work import Verified, Work, check_writable, load, make_folder
+from colony.cli.watch import page_options, watch_played
 from colony.extras import expect_extras
 from colony.text.wording import did_you_mean
 from colony.verify.interruption import reliable_interrupts
+
+if TYPE_CHECKING:
+    from colony.ir.program import Contract
 
 
 @click.command("verify", short_help="prove contracts, and find modules that can never act")
@@ -41,6 +46,14 @@ from colony.verify.interruption import reliable_interrupts
     help="Verify only this contract, and if it is proved without operators, search for a run in which a "
     "command from outside the network breaks it. May be repeated.",
 )
+@click.option(
+    "--watch",
+    "watched",
+    metavar="NAME",
+    help="Verify only this contract, and show the run that breaks it in the browser, as `colony watch` shows "
+    "recordings, until Ctrl-C. With `--why NAME`, the run with a command from outside. Only with one FILE.",
+)
+@page_options
 @depth_option("counterexamples")
 @click.option(
     "--timeout",
@@ -103,6 +116,9 @@ def command(
     files: tuple[str, ...],
     names: tuple[str, ...],
     why: tuple[str, ...],
+    watched: str | None,
+    port: int | None,
+    opens: bool,
     depth: int,
     timeout: float | None,
     write_test: bool,
@@ -144,17 +160,24 @@ def command(
       colony verify --examples 1000 --seed 7 behaviors/*.colony
     """
     context = click.get_current_context()
+    is_one, watches = len(dict.fromkeys(files)) == 1, watched is not None
     for is_wrong, message in (
         (faults and not examples, "--faults requires --examples N"),
-        (certificates and len(dict.fromkeys(files)) > 1, "--certificate requires a single FILE"),
-        (report_folder and (names or why), "--report is about all contracts: leave out --contract and --why"),
+        (certificates and not is_one, "--certificate requires a single FILE"),
+        (watches and not is_one, "--watch requires a single FILE"),
+        (watches and format_ != "text", "--watch requires --format text"),
+        ((opens or port is not None) and not watches, "--open and --port require --watch NAME"),
+        (
+            report_folder and (names or why or watches),
+            "--report is about all contracts: leave out --contract, --why and --watch",
+        ),
         (requirements and not report_folder, "--requirements requires --report DIR"),
     ):
         if is_wrong:
             raise click.UsageError(message, context)
-    expect_extras("verify")
+    expect_extras("verify", *(["watch"] if watches else []))
     write_report = None if report_folder is None else _report_writer(report_folder, requirements)
-    names += why
+    names += why if watched is None else (*why, watched)
     loaded = [load(file, write_test=write_test) for file in dict.fromkeys(files)]
     _check_names(names, loaded, context)
     for verified in loaded:
@@ -195,6 +218,7 @@ def command(
     if write_report is not None and all(verified.program for verified in begun):
         is_met = write_report(begun, on_stderr=format_ != "text")
         code = code or (0 if is_met else EXIT_ERRORS)
+    _watch(loaded[0], watched, port=port, opens=opens)
     raise click.exceptions.Exit(code)
 
 
@@ -203,6 +227,34 @@ def _report_writer(folder: Path, table: Path | None) -> Callable[..., bool]:
     from colony.cli.verify.requirement_report import requirements_table, write_report
 
     return partial(write_report, folder, requirements_table(table))
+
+
+def _watch(verified: Verified, name: str | None, *, port: int | None, opens: bool) -> None:
+    """Show the run that breaks a contract, or gets to a reach, until the command is interrupted."""
+    from colony.analysis.played import PlayedRun
+    from colony.verify.contracts.results import Proved, trace_of
+
+    result = next((r for r in verified.results if r.contract.name == name), None)
+    if result is None or verified.checked is None:
+        return
+    runs = result.operator_runs or () if isinstance(result, Proved) else ()
+    trace = next(iter(runs), trace_of(result))
+    if trace is None:
+        say(f"{verified.file}: no run to watch: none is known that {_end(result.contract)}")
+        return
+    reached = tuple(c for c in verified.checked.reaches if c.name == name)
+    program = replace(verified.checked, contracts=(*verified.checked.contracts, *reached))
+    run = PlayedRun(program, trace.snapshots)
+    if name not in (run.recorded[-1].breaches or ()):
+        say(
+            f"{verified.file}: the run shown ends just before it {_end(result.contract)}: no value in the "
+            "declared units is one of its readings"
+        )
+    watch_played({f"{Path(verified.file).name}: {_end(result.contract)}": run}, port=port, opens=opens)
+
+
+def _end(contract: Contract) -> str:
+    return f"{'gets to' if contract.reach else 'breaks'} `{contract.name}`"
 
 
 def _check_names(names: Sequence[str], files: Sequence[Verified], context: click.Context) -> None:

@@ -190,7 +190,8 @@ def _different(
     """Return the outcomes of each program run alone over the trace; these must differ as well."""
     names_in_b = {in_product: in_b for in_b, in_product in combined.modules.items()}
     by_a = Replay(a, "").run(trace.snapshots)
-    by_b = Replay(b, "").run([_for_b(s, names_in_b) for s in trace.snapshots])
+    snapshots_b = tuple(_for_b(s, names_in_b) for s in trace.snapshots)
+    by_b = Replay(b, "").run(snapshots_b)
     differing = tuple((p.a.name, p.b.name) for p in compared if _sends_differently(p, by_a[-1], by_b[-1]))
     if not differing:
         because = ("the run that was found shows no difference when each behavior is run alone",)
@@ -201,6 +202,7 @@ def _different(
         matching=modules_matched,
         actuators=differing,
         snapshots=trace.snapshots,
+        snapshots_b=snapshots_b,
         a=by_a,
         b=by_b,
         needed_missing=trace.needed_missing,

@@ -48,14 +48,15 @@ class Different:
     It is the shortest run found. Within the search's depth, if nothing is abstracted, there is no shorter
     one.
 
-    `snapshots` are the inputs, `a` and `b` the reference interpreter's outcomes for each program;
-    `needed_missing` are sensors that must be missing, `could_change` missing ones of which some readings
-    would end the difference. `actuators` are pairs: A's name, B's name.
+    `snapshots` are the inputs, in `snapshots_b` with B's names of modules; `a` and `b` are the reference
+    interpreter's outcomes for each program; `needed_missing` are sensors that must be missing, `could_change`
+    missing ones of which some readings would end the difference. `actuators` are pairs: A's name, B's name.
     """
 
     matching: Matching
     actuators: tuple[tuple[str, str], ...]
     snapshots: tuple[Snapshot, ...]
+    snapshots_b: tuple[Snapshot, ...]
     a: tuple[Outcome, ...]
     b: tuple[Outcome, ...]
     needed_missing: tuple[str, ...] = ()

@@ -56,9 +56,9 @@ export class Timeline {
   draw(context, width, height) {
     context.fillStyle = palette.faint;
     context.fillRect(0, 14, width, 10);
-    if (!this.data || this.data.last <= this.data.first) return;
+    if (!this.data?.times.length) return;
     const { first, last, times, winners, marks } = this.data;
-    const x = (t) => ((t - first) / (last - first)) * width;
+    const x = (t) => (last > first ? (t - first) / (last - first) : 1) * width; // a run of one frame ends with it
     for (let i = 0; i < times.length; i += 1) {
       const from = x(times[i]);
       const to = i + 1 < times.length ? x(times[i + 1]) : x(last);
