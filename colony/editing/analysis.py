@@ -326,7 +326,18 @@ def fixes_of(diagnostic: Diagnostic, file: ast.File) -> tuple[QuickFix, ...]:
     place = _found(diagnostic.span.source, hint.found, diagnostic.span.start, diagnostic.span.end)
     if place is None:
         return ()
-    return tuple(QuickFix(f"write `{new}`", (TextChange(*place, new),)) for new in hint.written)
+    text, (first, last) = diagnostic.span.source.text, place
+    before = " " if _joins(text[first - 1 : first], hint.written[0][:1]) else ""
+    after = " " if _joins(hint.written[0][-1:], text[last : last + 1]) else ""
+    return tuple(
+        QuickFix(f"write `{new}`", (TextChange(first, last, f"{before}{new}{after}"),))
+        for new in hint.written
+    )
+
+
+def _joins(left: str, right: str) -> bool:
+    """Return True if two characters would be one word."""
+    return bool(re.fullmatch(r"\w\w", left + right))
 
 
 def _found(source: Source, text: str, start: int, end: int) -> tuple[int, int] | None:

@@ -52,7 +52,7 @@ class Names:
         if declared.kind not in _BELOW or declared.file != self.file.number:
             return True
         last = self.file.drift.to_now(declared.last)
-        return last is not None and last <= self.offset
+        return last is not None and last < self.offset
 
     def _is_inside(self, declared: Declaration) -> bool:
         first, last = self.file.drift.to_now(declared.first), self.file.drift.to_now(declared.last)

@@ -63,6 +63,11 @@ class Editor:
         self.tell("initialized", {})
         return found
 
+    def session_legend(self) -> list[str]:
+        """Return the names of the types of semantic tokens."""
+        (found,) = [m["result"] for m in self.received if "capabilities" in (m.get("result") or ())]
+        return list(found["capabilities"]["semanticTokensProvider"]["legend"]["tokenTypes"])
+
     # --- documents
 
     def open(self, path: Path, text: str | None = None) -> str:
@@ -129,7 +134,14 @@ class Editor:
         return "" if found is None else str(found["contents"]["value"])
 
     def completions(self, uri: str, marked: str) -> list[str]:
-        found = self.ask("textDocument/completion", self.at(uri, marked))
+        return self._completions(self.at(uri, marked))
+
+    def completions_at(self, uri: str, offset: int) -> list[str]:
+        position = self.as_json(Lines(self.texts[uri]).position(offset))
+        return self._completions({"textDocument": {"uri": uri}, "position": position})
+
+    def _completions(self, at: dict[str, Any]) -> list[str]:
+        found = self.ask("textDocument/completion", at)
         return [item["label"] for item in sorted(found, key=lambda item: item.get("sortText", item["label"]))]
 
     def text_at(self, location: dict[str, Any]) -> str:

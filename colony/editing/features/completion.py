@@ -50,6 +50,9 @@ _NEW_NAME = frozenset(
 )
 """Words that a name follows which is not declared yet."""
 
+_BEFORE_PARTS = frozenset({"=", "suppresses", "inhibits", "(", "]"})
+"""What stands in a network before the name of a part, and not before that of a new wire."""
+
 _ACTUATORS, _PHASES = frozenset({"do", "commands", "limit", "idle"}), frozenset({"start", "->"})
 
 
@@ -92,7 +95,11 @@ def _items(file: OpenFile, begin: int, word: int, before: list[Lexeme]) -> Itera
         yield from _types(names)
     elif "NAME" in accepted:
         yield from _names(names, before, "NUMBER" in accepted)
-    yield from _keywords(t.lower() for t in accepted if t.lower() in KEYWORDS)
+    is_new_line = word == 0 or file.text[word - 1] == "\n"
+    yield from _keywords(
+        (t.lower() for t in accepted if t in DECLARATION_STARTS), "1" if is_new_line else "5"
+    )
+    yield from _keywords(t.lower() for t in accepted - DECLARATION_STARTS if t.lower() in KEYWORDS)
 
 
 # --- names ----------------------------------------------------------------------------------------------
@@ -109,7 +116,7 @@ def _names(names: Names, before: list[Lexeme], is_expression: bool) -> Iterator[
         given = {texts[i - 1] for i, t in enumerate(texts) if t == "=" and i}
         for number in dict.fromkeys(named):
             if file.declaration(number).name not in given:
-                yield _item(file, number, "0", " = ")
+                yield _item(file, number, "-", " = ")
     if last in _PHASES or (names.module >= 0 and last == "else" and not is_expression):
         yield from _named(file, names.of_kind(names.members(names.module), "phase", "task"))
     elif last in _ACTUATORS:
@@ -118,13 +125,16 @@ def _names(names: Names, before: list[Lexeme], is_expression: bool) -> Iterator[
         yield from _named(file, names.of_kind([*names.local, *names.values], "state"))
     elif last == "by":
         yield from _named(file, names.of_kind([*names.parts, *_tasks(names)], "module", "task"))
+    elif first == "network" and last not in _BEFORE_PARTS:
+        yield from _named(file, names.of_kind(names.parts, "actuator"))
     elif first == "network" or (last == "=" and not is_expression):
         yield from _named(file, [*names.parts, *_aliases(file)])
     elif last == "given" or (last == "," and not is_expression and "given" in texts):
-        yield from _named(file, names.of_kind(names.values, "sensor", "input", "let"))
+        yield from _named(file, names.of_kind(names.values, "sensor", "input"))
     elif last in _NEW_NAME or not is_expression:
         return
     else:
+        yield from _named(file, names.local, "0")
         yield from _named(file, [*names.values, *_aliases(file)])
         if first in ("contract", "reach", "test"):
             yield from _named(file, names.parts)
@@ -240,13 +250,13 @@ def _types(names: Names) -> Iterator[CompletionItem]:
 # --- items ----------------------------------------------------------------------------------------------
 
 
-def _named(file: OpenFile, numbers: Iterable[int]) -> Iterator[CompletionItem]:
+def _named(file: OpenFile, numbers: Iterable[int], sort: str = "1") -> Iterator[CompletionItem]:
     seen = set[str]()
     for number in numbers:
         name = file.declaration(number).name
         if name not in seen:
             seen.add(name)
-            yield _item(file, number, "1")
+            yield _item(file, number, sort)
 
 
 def _item(file: OpenFile, number: int, sort: str, suffix: str = "") -> CompletionItem:
@@ -266,9 +276,9 @@ def _functions() -> Iterator[CompletionItem]:
         yield CompletionItem(name, _FUNCTION, usage, f"3{name}", documentation=meaning)
 
 
-def _keywords(words: Iterable[str]) -> Iterator[CompletionItem]:
+def _keywords(words: Iterable[str], sort: str = "4") -> Iterator[CompletionItem]:
     for word in sorted(words):
-        yield _plain(word, _KEYWORD, "keyword", "4")
+        yield _plain(word, _KEYWORD, "keyword", sort)
 
 
 def _files(file: OpenFile) -> list[CompletionItem]:

@@ -30,12 +30,12 @@ def rename_edit(
     """
     if answer.refusal:
         return answer.refusal
+    if answer.kind in ("file", "test"):
+        return f"`{answer.name}` is a file or a title, which is not renamed"
     changes: dict[str, list[TextEdit]] = {}
     for path, start, end in answer.uses:
         if not any(Path(path).is_relative_to(folder) for folder in folders):
             return f"`{answer.name}` stands in `{path}`, which is outside of the workspace"
-        if answer.texts[path][start:end] != answer.name:
-            return f"`{answer.name}` is a file or a title, which is not renamed"
         edit = TextEdit(Lines(answer.texts[path]).range(start, end), name)
         changes.setdefault(uri_of(path), []).append(edit)
     return {"changes": changes}

@@ -62,6 +62,7 @@ class UsesAnswer(Struct, tag="used"):
     """Path, start and end of every use, with the text of each file; `refusal` is why there are none."""
 
     number: int
+    kind: str
     name: str
     uses: list[tuple[str, int, int]]
     texts: dict[str, str]

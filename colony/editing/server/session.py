@@ -275,7 +275,7 @@ class EditorSession:
         elif self._busy is not None:
             job, _ = self._busy
             if isinstance(job, UsesJob):
-                self.answered(UsesAnswer(job.number, "", [], {}, why), now)
+                self.answered(UsesAnswer(job.number, "", "", [], {}, why), now)
             else:
                 self.answered(AnalyzeAnswer(job.number, Index(), why), now)
 

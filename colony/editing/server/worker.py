@@ -58,7 +58,7 @@ class Worker:
             if isinstance(job, AnalyzeJob):
                 yield AnalyzeAnswer(job.number, Index(), failed)
             elif isinstance(job, UsesJob):
-                yield UsesAnswer(job.number, "", [], {}, "a bug in colony: " + failed.splitlines()[-1])
+                yield UsesAnswer(job.number, "", "", [], {}, "a bug in colony: " + failed.splitlines()[-1])
             else:
                 yield ProveAnswer(job.number, failed=failed)
 
@@ -70,7 +70,7 @@ class Worker:
         index = self._analyze(job.program)
         use = index.use_at(index.root, job.offset) if index.files else None
         if use is None:
-            return UsesAnswer(job.number, "", [], {}, "no name of the program stands here")
+            return UsesAnswer(job.number, "", "", [], {}, "no name of the program stands here")
         declared = index.declarations[use[2]]
         home = index.files[declared.file]
         found: dict[tuple[str, int, int], None] = {}
@@ -86,7 +86,7 @@ class Worker:
                 for start, end, number in file.uses:
                     if _is(program, program.declarations[number], declared, home.path):
                         found[file.path, start, end] = None
-        return UsesAnswer(job.number, declared.name, list(found), texts)
+        return UsesAnswer(job.number, declared.kind, declared.name, list(found), texts)
 
 
 def _is(program: Index, other: Declaration, declared: Declaration, home: str) -> bool:
