@@ -52,10 +52,13 @@ class OpenFile:
         return self.lines.text
 
     def replace(self, start: int, end: int, text: str) -> None:
-        """Replace characters of the text."""
+        """Replace characters of the text; those that are as before do not count as changed."""
+        changed = Drift.between(self.text[start:end], text)
         self.lines = Lines(f"{self.text[:start]}{text}{self.text[end:]}")
-        self.drift.change(start, end, len(text))
-        self.pending.change(start, end, len(text))
+        if changed.start >= 0:
+            first, last = start + changed.start, start + changed.then
+            for drift in (self.drift, self.pending):
+                drift.change(first, last, changed.now - changed.start)
 
     # --- what was analyzed
 

@@ -28,6 +28,11 @@ class TextRange(Struct, frozen=True, gc=False):
     end: TextPosition
 
 
+def units(text: str) -> int:
+    """Return the length of a text in UTF-16 code units."""
+    return len(text) if text.isascii() else len(text.encode("utf-16-le", "surrogatepass")) // 2
+
+
 class Lines:
     """A text with its lines."""
 
@@ -44,7 +49,7 @@ class Lines:
         offset = min(max(offset, 0), len(self.text))
         line = bisect_right(self.starts, offset) - 1
         before = self.text[self.starts[line] : offset]
-        return TextPosition(line, len(before) if before.isascii() else len(before.encode("utf-16-le")) // 2)
+        return TextPosition(line, units(before))
 
     def offset(self, position: TextPosition) -> int:
         """Return the offset of a position; one outside of its line counts as the line's end."""
@@ -55,8 +60,8 @@ class Lines:
         line = self.text[start : len(self.text) if match is None else match.start()]
         if line.isascii():
             return start + min(max(position.character, 0), len(line))
-        units = line.encode("utf-16-le")[: 2 * max(position.character, 0)]
-        return start + len(units.decode("utf-16-le", errors="ignore"))
+        before = line.encode("utf-16-le", "surrogatepass")[: 2 * max(position.character, 0)]
+        return start + len(before.decode("utf-16-le", errors="ignore"))
 
     def range(self, start: int, end: int) -> TextRange:
         """Return the range of two offsets."""

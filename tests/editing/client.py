@@ -121,7 +121,9 @@ class Editor:
         """Return the parameters of a request at the `|` of a text that stands once in a document."""
         text = marked.replace("|", "")
         assert self.texts[uri].count(text) == 1, (marked, self.texts[uri].count(text))
-        offset = self.texts[uri].index(text) + marked.index("|")
+        return self.at_offset(uri, self.texts[uri].index(text) + marked.index("|"))
+
+    def at_offset(self, uri: str, offset: int) -> dict[str, Any]:
         position = self.as_json(Lines(self.texts[uri]).position(offset))
         return {"textDocument": {"uri": uri}, "position": position}
 
@@ -137,8 +139,7 @@ class Editor:
         return self._completions(self.at(uri, marked))
 
     def completions_at(self, uri: str, offset: int) -> list[str]:
-        position = self.as_json(Lines(self.texts[uri]).position(offset))
-        return self._completions({"textDocument": {"uri": uri}, "position": position})
+        return self._completions(self.at_offset(uri, offset))
 
     def _completions(self, at: dict[str, Any]) -> list[str]:
         found = self.ask("textDocument/completion", at)
@@ -225,6 +226,19 @@ class FarEditor(Editor):
         assert self._process.stdin is not None
         self._process.stdin.write(framed(message))
         self._process.stdin.flush()
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def close(self) -> None:
+        """Leave without a word."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+
+    def exit_code(self) -> int:
+        """Return the exit code of the server, once it has ended."""
+        return self._process.wait()
 
     def read(self) -> None:
         """Take what the server sends next."""

@@ -198,9 +198,7 @@ class EditorSession:
         file = self._open(params.text_document.uri)
         for change in params.content_changes:
             if change.range is None:
-                drift = Drift.between(file.text, change.text)
-                if drift.start >= 0:
-                    file.replace(drift.start, drift.then, change.text[drift.start : drift.now])
+                file.replace(0, len(file.text), change.text)
             else:
                 start, end = (file.lines.offset(p) for p in (change.range.start, change.range.end))
                 file.replace(start, max(start, end), change.text)

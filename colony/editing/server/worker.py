@@ -10,6 +10,7 @@ import re
 import sys
 import traceback
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 from colony.editing.analysis import Analyzer
@@ -135,9 +136,10 @@ def main() -> None:
     worker, unpacking = Worker(), Unpacking()
     while data := os.read(0, _CHUNK):
         jobs: Iterator[Job] = unpacking.feed(data, Job)  # type: ignore[arg-type]
-        for job in jobs:
-            for found in worker.answers(job):
-                _write(answers, packed(found))
+        with suppress(BrokenPipeError):  # the server is gone
+            for job in jobs:
+                for found in worker.answers(job):
+                    _write(answers, packed(found))
     sys.exit(0)
 
 
