@@ -19,7 +19,12 @@ from colony.editing.server.session import EditorSession
 from colony.editing.server.worker import Worker
 from colony.editing.text import Lines
 
-CAPABLE = {"workspace": {"codeLens": {"refreshSupport": True}}}
+CAPABLE = {
+    "workspace": {
+        "codeLens": {"refreshSupport": True},
+        "didChangeWatchedFiles": {"dynamicRegistration": True},
+    }
+}
 
 
 class Editor:
@@ -164,11 +169,16 @@ class Editor:
 
     def findings(self, uri: str) -> list[str]:
         """Return the codes of the last findings of a document."""
+        return [row["code"] for row in self.diagnostics(uri)]
+
+    def diagnostics(self, uri: str) -> list[dict[str, Any]]:
+        """Return the last findings of a document."""
         published = [
             m["params"] for m in self.received if m.get("method") == "textDocument/publishDiagnostics"
         ]
         last = [params for params in published if params["uri"] == uri][-1]
-        return [row["code"] for row in last["diagnostics"]]
+        found: list[dict[str, Any]] = last["diagnostics"]
+        return found
 
 
 class NearEditor(Editor):

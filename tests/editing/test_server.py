@@ -318,3 +318,56 @@ def test_every_name_of_a_shipped_file_leads_to_a_declaration(path: Path) -> None
             declared = index.declarations[uses[lexeme.start]]
             assert declared.name == lexeme.text or declared.kind in ("file", "test")
         before = lexeme.text
+
+
+def test_a_name_declared_twice_points_at_both_and_files_of_others_are_watched(project: Project) -> None:
+    project.replace(project.uri, "state bumps = 0", "state bumps = 0\nlet ahead = 3 mm")
+    project.settle()
+    (row,) = project.diagnostics(project.uri)
+    assert row["code"] == "E102"
+    assert [project.text_at(label["location"]) for label in row["relatedInformation"]] == ["ahead"]
+    robot = project.folder / "robots" / "rome" / "rome.colony"
+    project.replace(project.uri, "\nlet ahead = 3 mm", "")
+    project.settle()
+    assert project.findings(project.uri) == []
+    robot.write_text(robot.read_text().replace("bumper ", "bump   "))
+    project.tell("workspace/didChangeWatchedFiles", {"changes": []})
+    project.settle()
+    assert "E101" in project.findings(project.uri)
+    (asked,) = [m["params"] for m in project.received if m.get("method") == "client/registerCapability"]
+    assert [row["method"] for row in asked["registrations"]] == ["workspace/didChangeWatchedFiles"]
+
+
+def test_settings_choose_the_robot_and_wrong_ones_are_reported(project: Project) -> None:
+    project.tell("workspace/didChangeConfiguration", {"settings": {"colony": {"robot": "no_such"}}})
+    project.settle()
+    assert project.findings(project.uri)[0] == "E321"
+    project.tell("workspace/didChangeConfiguration", {"settings": {"colony": {"hints": "no"}}})
+    (message,) = [m["params"]["message"] for m in project.received if m.get("method") == "window/logMessage"]
+    assert "Expected `bool`" in message
+    project.tell("workspace/didChangeConfiguration", {"settings": {"colony": {"hints": False}}})
+    project.settle()
+    assert project.findings(project.uri)[:1] != ["E321"]
+    assert project.ask("textDocument/inlayHint", project.about(project.uri)) == []
+
+
+def test_a_document_is_closed_and_its_findings_go(project: Project) -> None:
+    project.replace(project.uri, "when close", "when clse")
+    project.settle()
+    assert project.findings(project.uri)
+    project.tell("textDocument/didClose", {"textDocument": {"uri": project.uri}})
+    assert project.findings(project.uri) == []
+    with pytest.raises(KeyError, match="is not open"):
+        project.hover(project.uri, "let ah|ead")
+
+
+def test_formatting_is_that_of_the_formatter(project: Project) -> None:
+    formatting = pytest.importorskip("colony.editing.formatting")
+    project.replace(project.uri, "network {\n", "network {   \n\n\n")
+    wanted = formatting.formatted(project.texts[project.uri], str(project.path))
+    edits = project.ask("textDocument/formatting", project.about(project.uri))
+    project.apply({"changes": {project.uri: edits}})
+    assert project.texts[project.uri] == wanted
+    assert project.ask("textDocument/formatting", project.about(project.uri)) == []
+    project.replace(project.uri, "import robot", "import import")
+    assert project.ask("textDocument/formatting", project.about(project.uri)) == []

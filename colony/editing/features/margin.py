@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-from colony.editing.index import EditorFinding, IndexedFile
+from colony.editing.index import EditorFinding, Index
 from colony.editing.open_file import OpenFile, uri_of
 from colony.editing.server.jobs import ProofVerdict
-from colony.editing.server.protocol import CodeLens, EditorCommand, TextEdit
+from colony.editing.server.protocol import CodeLens, EditorCommand, Location, TextEdit
 from colony.editing.text import Lines, TextRange
 
 SHOW_RUN, WRITE_TEST, RUN_TEST = "colony.showRun", "colony.writeTest", "colony.runTest"
@@ -17,27 +17,23 @@ SHOW_RUN, WRITE_TEST, RUN_TEST = "colony.showRun", "colony.writeTest", "colony.r
 _SEVERITIES = {"error": 1, "warning": 2, "note": 3}
 
 
-def diagnostics(
-    file: IndexedFile, findings: Iterable[EditorFinding], lines: Lines | None = None
-) -> list[Any]:
-    """Return findings as the protocol has them, at offsets of the text of `file`."""
-    lines = lines or Lines(file.text)
+def diagnostics(index: Index, number: int, findings: Iterable[EditorFinding]) -> list[Any]:
+    """Return findings in a file of a program as the protocol has them."""
+    lines = {file.path: Lines(file.text) for file in index.files}
+    own = lines[index.files[number].path]
     found: list[Any] = []
     for finding in findings:
         row: dict[str, Any] = {
-            "range": lines.range(finding.start, max(finding.end, finding.start)),
+            "range": own.range(finding.start, max(finding.end, finding.start)),
             "severity": _SEVERITIES[finding.severity],
             "code": finding.code,
             "source": "colony",
             "message": finding.message,
         }
         related = [
-            {
-                "location": {"uri": uri_of(label.path), "range": lines.range(label.start, label.end)},
-                "message": label.text,
-            }
+            {"location": Location(uri_of(label.path), place), "message": label.text}
             for label in finding.labels
-            if label.path == file.path
+            for place in (lines[label.path].range(label.start, label.end),)
         ]
         found.append(row | ({"relatedInformation": related} if related else {}))
     return found
@@ -54,7 +50,7 @@ def quick_fixes(file: OpenFile, where: TextRange, findings: Iterable[EditorFindi
         for fix in finding.fixes:
             edits = file.edits(fix)
             if edits is not None:
-                (diagnostic,) = diagnostics(file.file, [finding])
+                (diagnostic,) = diagnostics(file.known, file.number, [finding])
                 diagnostic["range"] = file.lines.range(first, last)
                 edit = {"changes": {file.uri: edits}}
                 found.append(

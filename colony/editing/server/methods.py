@@ -56,6 +56,9 @@ FEATURES: dict[str, Feature] = {
 COMMANDS = (margin.SHOW_RUN, margin.WRITE_TEST, margin.RUN_TEST)
 """The commands that an editor may ask for; each takes the URI of a document, and a name."""
 
+WATCHED = ("**/*.colony", "**/colony.toml", "**/pyproject.toml")
+"""Files on which findings depend."""
+
 CAPABILITIES: dict[str, Any] = {
     "positionEncoding": "utf-16",
     "textDocumentSync": {"openClose": True, "change": 2, "save": True},
@@ -67,7 +70,7 @@ CAPABILITIES: dict[str, Any] = {
         ),
         True,
     ),
-    "completionProvider": {"triggerCharacters": [".", " ", "(", '"']},
+    "completionProvider": {"triggerCharacters": [".", "(", '"']},
     "signatureHelpProvider": {"triggerCharacters": ["(", ","]},
     "codeActionProvider": {"codeActionKinds": ["quickfix"]},
     "codeLensProvider": {},

@@ -32,7 +32,7 @@ from colony.editing.server.jobs import (
     UsesAnswer,
     UsesJob,
 )
-from colony.editing.server.methods import CAPABILITIES, COMMANDS, FEATURES
+from colony.editing.server.methods import CAPABILITIES, COMMANDS, FEATURES, WATCHED
 from colony.editing.server.proofs import ProofQueue
 from colony.editing.server.worker import behavior_files
 from colony.editing.text import Drift, Lines
@@ -162,6 +162,14 @@ class EditorSession:
         self._set(params.initialization_options)
         self._initialized = True
         return {"capabilities": CAPABILITIES, "serverInfo": {"name": "colony", "version": __version__}}
+
+    def _initialized_by(self, message: protocol.EditorMessage, now: float) -> None:
+        """Ask to hear of files that other programs change, if the editor can be asked."""
+        if self._can("workspace", "didChangeWatchedFiles", "dynamicRegistration"):
+            watchers = [{"globPattern": pattern} for pattern in WATCHED]
+            registered = {"id": "files", "method": "workspace/didChangeWatchedFiles"}
+            options = {"registerOptions": {"watchers": watchers}}
+            self._ask("client/registerCapability", {"registrations": [registered | options]})
 
     def _set(self, settings: object) -> None:
         """Take on settings; those of a wrong type leave all as they were."""
@@ -317,9 +325,9 @@ class EditorSession:
         for file in self._files.values():
             found = file.known.file(path)
             if found is not None:
-                rows += margin.diagnostics(found[1], found[1].findings)
-        if opened is not None:
-            rows += margin.diagnostics(opened.file, opened.proved_now)
+                rows += margin.diagnostics(file.known, found[0], found[1].findings)
+        if opened is not None and opened.proved_now:
+            rows += margin.diagnostics(opened.known, opened.number, opened.proved_now)
         unique = [row for i, row in enumerate(rows) if row not in rows[:i]]
         version = {} if opened is None else {"version": opened.version}
         self.notify("textDocument/publishDiagnostics", {"uri": uri, "diagnostics": unique, **version})
@@ -387,6 +395,7 @@ _LATER = object()
 
 _SESSION: dict[str, Callable[[EditorSession, protocol.EditorMessage, float], Any]] = {
     "initialize": EditorSession._initialize,
+    "initialized": EditorSession._initialized_by,
     "shutdown": EditorSession._shutdown,
     "textDocument/didOpen": EditorSession._did_open,
     "textDocument/didChange": EditorSession._did_change,
