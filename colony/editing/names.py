@@ -8,6 +8,7 @@ from functools import cached_property
 
 from colony.editing.index import Declaration
 from colony.editing.open_file import OpenFile
+from colony.editing.text import Lexeme
 from colony.ir.program import SENT
 
 _BELOW = ("let", "function", "assume")
@@ -97,3 +98,35 @@ class Names:
                 both = [*inner.values, *inner.parts]
                 return [n for n in both if self.file.declaration(n).kind != "sensor"]
         return []
+
+
+# --- what stands before a place -------------------------------------------------------------------------
+
+
+def dotted(before: Sequence[Lexeme]) -> list[str]:
+    """Return the dotted name that lexemes end with; nothing if they end with none."""
+    path: list[str] = []
+    for lexeme in reversed(before):
+        if lexeme.kind != "word" if len(path) % 2 == 0 else lexeme.text != ".":
+            break
+        path.append(lexeme.text)
+    return path[::-2] if len(path) % 2 else path[-2::-2]
+
+
+def open_parenthesis(before: Sequence[Lexeme]) -> int:
+    """Return the number of the innermost parenthesis that is open; -1 if a bracket, or nothing, is."""
+    depth = 0
+    for i in range(len(before) - 1, -1, -1):
+        if before[i].text in ")]}":
+            depth += 1
+        elif before[i].text in "([{":
+            depth -= 1
+            if depth < 0:
+                return i if before[i].text == "(" else -1
+    return -1
+
+
+def called(before: Sequence[Lexeme]) -> list[str]:
+    """Return the dotted name that is being called; nothing where no call is open."""
+    place = open_parenthesis(before)
+    return dotted(before[:place]) if place >= 0 else []

@@ -12,7 +12,7 @@ from pathlib import Path
 from colony.dsl.parser import accepted_at
 from colony.dsl.syntax_errors import DECLARATION_STARTS
 from colony.editing.functions import FUNCTIONS
-from colony.editing.names import Names
+from colony.editing.names import Names, called, dotted
 from colony.editing.open_file import OpenFile
 from colony.editing.server.protocol import CompletionItem
 from colony.editing.text import KEYWORDS, Lexeme, TextPosition, declaration_start, lexemes
@@ -27,20 +27,17 @@ _COMPOUND = ("mm/s", "m/s", "deg/s", "rad/s", "mm/s^2", "m/s^2", "deg/s^2")
 """Units that are offered besides the plain ones."""
 
 _KINDS = {
-    "function": 3,
-    "field": 5,
-    "input": 5,
-    "sensor": 5,
-    "actuator": 7,
-    "module": 7,
-    "task": 7,
-    "sequence": 13,
-    "machine": 13,
-    "enum": 13,
-    "member": 20,
-    "phase": 20,
-    "alias": 9,
-    "param": 21,
+    kind: number
+    for number, kinds in (
+        (3, "function"),
+        (5, "field input sensor"),
+        (7, "actuator module task"),
+        (9, "alias"),
+        (13, "sequence machine enum"),
+        (20, "member phase"),
+        (21, "param"),
+    )
+    for kind in kinds.split()
 }
 _VARIABLE, _KEYWORD, _UNIT, _FILE, _FUNCTION = 6, 14, 11, 17, 3
 
@@ -79,7 +76,7 @@ def _items(file: OpenFile, begin: int, word: int, before: list[Lexeme]) -> Itera
     names = Names(file, word)
     last = before[-1] if before else None
     if last is not None and last.text == ".":
-        yield from _named(file, _members(names, _path(before[:-1])))
+        yield from _named(file, _members(names, dotted(before[:-1])))
         return
     if last is not None and last.kind == "number":
         yield from _units(_expected(names, before))
@@ -110,8 +107,8 @@ def _names(names: Names, before: list[Lexeme], is_expression: bool) -> Iterator[
     file = names.file
     texts = [lexeme.text for lexeme in before]
     last, first = (texts[-1], texts[0]) if texts else ("", "")
-    callee = _callee(before)
-    if callee is not None and last in ("(", ","):
+    callee = called(before)
+    if callee and last in ("(", ","):
         named = [n for owner in names.resolve(callee) for n in _parameters(names, owner)]
         given = {texts[i - 1] for i, t in enumerate(texts) if t == "=" and i}
         for number in dict.fromkeys(named):
@@ -164,33 +161,6 @@ def _members(names: Names, path: Sequence[str]) -> list[int]:
     return [n for owner in names.resolve(path) for n in names.members(owner)]
 
 
-def _path(before: list[Lexeme]) -> list[str]:
-    """Return the dotted name that the lexemes end with."""
-    path: list[str] = []
-    for lexeme in reversed(before):
-        if len(path) % 2 == 0 and lexeme.kind == "word":
-            path.append(lexeme.text)
-        elif len(path) % 2 == 1 and lexeme.text == ".":
-            path.append(".")
-        else:
-            break
-    return [part for part in reversed(path) if part != "."]
-
-
-def _callee(before: list[Lexeme]) -> list[str] | None:
-    """Return the dotted name before the innermost parenthesis that is open; None if there is none."""
-    depth = 0
-    for i in range(len(before) - 1, -1, -1):
-        text = before[i].text
-        if text in ")]}":
-            depth += 1
-        elif text in "([{":
-            depth -= 1
-            if depth < 0:
-                return (_path(before[:i]) or None) if text == "(" else None
-    return None
-
-
 # --- units ----------------------------------------------------------------------------------------------
 
 
@@ -205,9 +175,9 @@ def _expected(names: Names, before: list[Lexeme]) -> Dimension | None:
         return None
     if rest[-1].text == "within":
         return BASE_UNITS["s"][0]
-    path = _path(_without_index(rest[:-1]))
-    callee = _callee(rest) if rest[-1].text == "=" else None
-    if callee is not None and len(path) == 1:
+    path = dotted(_without_index(rest[:-1]))
+    callee = called(rest) if rest[-1].text == "=" else []
+    if callee and len(path) == 1:
         owners = names.resolve(callee)
         found = [n for o in owners for n in names.members(o) if names.file.declaration(n).name == path[0]]
     else:

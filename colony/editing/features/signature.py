@@ -6,7 +6,7 @@ from typing import Any
 
 from colony.editing.features.hover import comment_of
 from colony.editing.functions import FUNCTIONS
-from colony.editing.names import Names
+from colony.editing.names import Names, dotted, open_parenthesis
 from colony.editing.open_file import OpenFile
 from colony.editing.text import Lexeme, TextPosition, declaration_start, lexemes
 
@@ -17,10 +17,11 @@ def signature_help(file: OpenFile, position: TextPosition) -> Any:
     before = [
         x for x in lexemes(file.text, declaration_start(file.text, offset), offset) if x.kind != "comment"
     ]
-    found = _open_call(before)
-    if found is None:
+    place = open_parenthesis(before)
+    path = dotted(before[:place]) if place >= 0 else []
+    if not path:
         return None
-    path, commas, named = found
+    commas, named = _argument(before[place + 1 :])
     names = Names(file, offset)
     for number in names.resolve(path):
         declared = file.declaration(number)
@@ -45,31 +46,14 @@ def _help(label: str, parameters: list[str], active: int, text: str) -> Any:
     return {"signatures": [signature], "activeSignature": 0, "activeParameter": active}
 
 
-def _open_call(before: list[Lexeme]) -> tuple[list[str], int, str] | None:
-    """Return the name of the call that is open, the commas in it so far, and the argument named last."""
-    depth, commas, named = 0, 0, ""
-    for i in range(len(before) - 1, -1, -1):
-        text = before[i].text
-        if text in ")]}":
-            depth += 1
-        elif text in "([{":
-            depth -= 1
-            if depth < 0:
-                break
-        elif depth == 0 and text == ",":
-            commas += 1
-        elif depth == 0 and text == "=" and commas == 0 and i:
-            named = before[i - 1].text
-    else:
-        return None
-    if before[i].text != "(":
-        return None
-    path: list[str] = []
-    for lexeme in reversed(before[:i]):
-        if lexeme.kind != ("word" if len(path) % 2 == 0 else "sign") or (
-            len(path) % 2 and lexeme.text != "."
-        ):
-            break
-        path.append(lexeme.text)
-    parts = [part for part in reversed(path) if part != "."]
-    return (parts, commas, named) if parts else None
+def _argument(inside: list[Lexeme]) -> tuple[int, str]:
+    """Return the number of commas of a call so far, and the name of the argument after the last one."""
+    depth = commas = 0
+    named = ""
+    for i, lexeme in enumerate(inside):
+        depth += (lexeme.text in "([{") - (lexeme.text in ")]}")
+        if depth == 0 and lexeme.text == ",":
+            commas, named = commas + 1, ""
+        elif depth == 0 and lexeme.text == "=" and i:
+            named = inside[i - 1].text
+    return commas, named

@@ -13,31 +13,25 @@ from colony.editing.server.protocol import DocumentSymbol
 from colony.editing.text import Lines, TextRange
 
 KINDS = {
-    "file": 1,
-    "alias": 3,
-    "robot": 5,
-    "module": 6,
-    "task": 6,
-    "field": 8,
-    "sequence": 11,
-    "machine": 11,
-    "enum": 10,
-    "function": 12,
-    "let": 13,
-    "variable": 13,
-    "parameter": 13,
-    "state": 13,
-    "wire": 13,
-    "param": 14,
-    "input": 20,
-    "sensor": 20,
-    "actuator": 23,
-    "member": 22,
-    "phase": 22,
-    "test": 24,
-    "contract": 7,
-    "reach": 7,
-    "assume": 7,
+    kind: number
+    for number, kinds in (
+        (1, "file"),
+        (3, "alias"),
+        (5, "robot"),
+        (6, "module task"),
+        (7, "contract reach assume"),
+        (8, "field"),
+        (10, "enum"),
+        (11, "sequence machine"),
+        (12, "function"),
+        (13, "let variable parameter state wire"),
+        (14, "param"),
+        (20, "input sensor"),
+        (22, "member phase"),
+        (23, "actuator"),
+        (24, "test"),
+    )
+    for kind in kinds.split()
 }
 """Kinds of symbols, by kinds of declarations."""
 

@@ -15,31 +15,21 @@ TOKEN_TYPES = (
 """The legend, in the names that editors color."""
 
 _TYPES = {
-    "sensor": "property",
-    "input": "property",
-    "actuator": "class",
-    "field": "property",
-    "module": "class",
-    "task": "class",
-    "sequence": "enum",
-    "machine": "enum",
-    "enum": "enum",
-    "member": "enumMember",
-    "phase": "enumMember",
-    "let": "variable",
-    "state": "variable",
-    "param": "variable",
-    "wire": "variable",
-    "function": "function",
-    "parameter": "parameter",
-    "variable": "parameter",
-    "alias": "namespace",
-    "contract": "event",
-    "reach": "event",
-    "assume": "event",
-    "robot": "type",
+    kind: type_
+    for type_, kinds in (
+        ("property", "sensor input field"),
+        ("class", "actuator module task"),
+        ("enum", "sequence machine enum"),
+        ("enumMember", "member phase"),
+        ("variable", "let state param wire"),
+        ("function", "function"),
+        ("parameter", "parameter variable"),
+        ("namespace", "alias"),
+        ("event", "contract reach assume"),
+        ("type", "robot"),
+    )
+    for kind in kinds.split()
 }
-
 
 _COLORED = re.compile(
     r"(#[^\r\n]*)|(\"[^\"\r\n]*\"?)|([0-9]+(?:\.[0-9]+)?(?:[eE][+-]?[0-9]+)?)|([A-Za-z_][A-Za-z0-9_]*)"
