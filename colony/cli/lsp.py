@@ -13,7 +13,11 @@ def command(stdio: bool) -> None:
     Findings, quick fixes, hover, definitions, references, renaming, completion, outlines and colors follow
     what is typed. In a pause tests run and contracts are proved; lenses show the verdicts (docs/lsp.md).
 
-    Exit code: 0 if the editor shut the session down, 1 otherwise.
+    Exit code: 0 if the editor shut the session down or left, 1 otherwise.
+
+    \b
+    Example, for Neovim:
+      vim.lsp.start_client({ cmd = { "colony", "lsp" }, root_dir = vim.fn.getcwd() })
     """
     from colony.editing.server.stdio import serve
 

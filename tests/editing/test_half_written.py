@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 from pathlib import Path
 
@@ -158,3 +159,13 @@ def test_a_document_without_a_file_is_checked_as_it_is() -> None:
     assert sorted(editor.findings(uri)) == ["E301", "N001"]
     editor.fix(uri, "write `import robot`")
     assert editor.texts[uri].startswith("import robot\n")
+
+
+def test_a_standard_input_that_is_a_file_is_read(tmp_path: Path) -> None:
+    script = tmp_path / "session"
+    script.write_bytes(framed({"jsonrpc": "2.0", "id": 1, "method": "initialize", "params": {}}))
+    command = [sys.executable, "-m", "colony.cli.main", "lsp"]
+    for name in (str(script), os.devnull):
+        with open(name, "rb") as file:
+            done = subprocess.run(command, stdin=file, capture_output=True, check=True)
+        assert (b"hoverProvider" in done.stdout) is (name != os.devnull)

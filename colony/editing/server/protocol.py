@@ -25,6 +25,14 @@ class ProtocolError(Exception):
     """The other side sends no messages of the protocol."""
 
 
+class RequestError(Exception):
+    """A request is refused: the code of the protocol, and why."""
+
+    def __init__(self, code: int, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+
+
 class EditorMessage(Struct):
     """A request (`id` and `method`), a notification (`method`), or an answer (`id`)."""
 

@@ -38,14 +38,6 @@ from colony.editing.server.worker import behavior_files
 from colony.editing.text import Drift, Lines
 
 
-class RequestError(Exception):
-    """A request is refused: the code of the protocol, and why."""
-
-    def __init__(self, code: int, message: str) -> None:
-        super().__init__(message)
-        self.code = code
-
-
 class EditorSession:
     """One editor's session. Stateful.
 
@@ -93,8 +85,8 @@ class EditorSession:
         is_request = message.id is not UNSET
         try:
             result = self._dispatch(message, now)
-        except (RequestError, msgspec.ValidationError, msgspec.DecodeError) as problem:
-            code = problem.code if isinstance(problem, RequestError) else protocol.INVALID_PARAMS
+        except (protocol.RequestError, msgspec.ValidationError, msgspec.DecodeError) as problem:
+            code = problem.code if isinstance(problem, protocol.RequestError) else protocol.INVALID_PARAMS
             if is_request:
                 self.out.append(protocol.failure(message.id, code, str(problem)))
             return
@@ -107,15 +99,15 @@ class EditorSession:
             self.exit_code = 0 if self._shut_down else 1
             return None
         if not self._initialized and method != "initialize":
-            raise RequestError(protocol.NOT_INITIALIZED, "the session is not initialized")
+            raise protocol.RequestError(protocol.NOT_INITIALIZED, "the session is not initialized")
         if self._shut_down:
-            raise RequestError(protocol.INVALID_REQUEST, "the session is shut down")
+            raise protocol.RequestError(protocol.INVALID_REQUEST, "the session is shut down")
         if method in _SESSION:
             return _SESSION[method](self, message, now)
         if method not in FEATURES:
             if method.startswith("$/") or message.id is UNSET:
                 return None
-            raise RequestError(protocol.UNKNOWN_METHOD, f"no method `{method}`")
+            raise protocol.RequestError(protocol.UNKNOWN_METHOD, f"no method `{method}`")
         type_, feature = FEATURES[method]
         params = msgspec.json.decode(message.params, type=type_)
         file = self._open(params.text_document.uri)
@@ -127,7 +119,7 @@ class EditorSession:
     def _open(self, uri: str) -> EditedFile:
         file = self._by_uri.get(uri)
         if file is None:
-            raise RequestError(protocol.INVALID_PARAMS, f"`{uri}` is not open")
+            raise protocol.RequestError(protocol.INVALID_PARAMS, f"`{uri}` is not open")
         return file
 
     def notify(self, method: str, params: object) -> None:
@@ -339,7 +331,7 @@ class EditorSession:
         file = self._open(params.text_document.uri)
         problem = new_name_problem(params.new_name) if message.method == "textDocument/rename" else None
         if problem is not None:
-            raise RequestError(protocol.REQUEST_FAILED, problem)
+            raise protocol.RequestError(protocol.REQUEST_FAILED, problem)
         program, offset = file.program(self.settings.robot), file.lines.offset(params.position)
         job = UsesJob(self._next_number(), program, offset, self._folders_of(file))
         self._uses.append((job, file, message.id, params.new_name))
@@ -367,7 +359,7 @@ class EditorSession:
         params = msgspec.json.decode(message.params, type=protocol.CommandParams)
         if params.command not in COMMANDS or len(params.arguments) != 2:
             expected = f"expected one of {', '.join(COMMANDS)} with a URI and a name"
-            raise RequestError(protocol.INVALID_PARAMS, expected)
+            raise protocol.RequestError(protocol.INVALID_PARAMS, expected)
         uri, name = params.arguments
         file = self._open(uri)
         if params.command == margin.RUN_TEST:
@@ -375,12 +367,12 @@ class EditorSession:
             return None
         verdict = file.verdicts.get(("contract", name))
         if verdict is None:
-            raise RequestError(protocol.REQUEST_FAILED, f"nothing is known about `{name}` yet")
+            raise protocol.RequestError(protocol.REQUEST_FAILED, f"nothing is known about `{name}` yet")
         if params.command == margin.SHOW_RUN:
             self.notify("window/showMessage", {"type": 3, "message": verdict.details})
             return {"title": name, "text": verdict.details}
         if not verdict.block:
-            raise RequestError(protocol.REQUEST_FAILED, f"no test repeats the run of `{name}`")
+            raise protocol.RequestError(protocol.REQUEST_FAILED, f"no test repeats the run of `{name}`")
         edit = {"changes": {file.uri: [margin.appended(file, verdict.block)]}}
         self._ask("workspace/applyEdit", {"label": f"write the test of {name}", "edit": edit})
         return edit

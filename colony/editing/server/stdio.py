@@ -67,7 +67,7 @@ class WorkerProcess:
 def serve(reading: int = 0, writing: int = 1) -> int:
     """Serve an editor until it leaves; return the exit code."""
     session, framing = EditorSession(), Framing()
-    with selectors.DefaultSelector() as selector:
+    with selectors.SelectSelector() as selector:  # which takes a file for standard input, too
         selector.register(reading, selectors.EVENT_READ)
         analyzing, proving = WorkerProcess(selector), WorkerProcess(selector)
         try:
