@@ -32,6 +32,7 @@ COMMANDS = {
     "coverage": "show which parts of a behavior its tests, or recordings, exercise",
     "verify": "prove contracts, and find modules that can never act",
     "diff": "prove two behaviors equivalent, or show where they differ",
+    "lsp": "serve an editor: findings, completion and proofs while you type",
     "trace": "replay recorded frames through any executor",
     "run": "run a behavior on a simulated robot",
     "serve": "run the servers of a robot",

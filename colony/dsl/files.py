@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -151,14 +152,16 @@ def load_tree(
     shipped: Path | None = None,
     context: ProgramContext | None = None,
     within: Path | None = None,
+    open_texts: Mapping[str, str] | None = None,
 ) -> SourceTree:
     """Load the file at `path` (or `text` in its place) and everything that it imports, transitively.
 
     Imports by name are looked up in `shipped`, if given, instead of the files shipped with colony; `import
     robot` is the robot that the program declares, or else that of `context`. With `within`, no file outside
-    this folder is opened. Unreadable files and cycles are reported as diagnostics; nothing is raised.
+    this folder is opened. `open_texts` stand in for files, by real path: those that an editor has open.
+    Unreadable files and cycles are reported as diagnostics; nothing is raised.
     """
-    loader = _Loader(shipped, None if within is None else real_path(within))
+    loader = _Loader(shipped, None if within is None else real_path(within), open_texts or {})
     key = real_path(path)
     try:
         source = read_source(path, name) if text is None else Source(name, text)
@@ -205,8 +208,8 @@ def _is_of_robot(import_: Import) -> bool:
 class _Loader:
     """Loads files, iteratively, so that import chains do not recurse. Mutable."""
 
-    def __init__(self, shipped: Path | None, within: str | None) -> None:
-        self.shipped, self.within = shipped, within
+    def __init__(self, shipped: Path | None, within: str | None, open_texts: Mapping[str, str]) -> None:
+        self.shipped, self.within, self.open_texts = shipped, within, open_texts
         self.files: dict[str, ParsedFile] = {}
         self.diagnostics: list[Diagnostic] = []
 
@@ -266,7 +269,7 @@ class _Loader:
         """Load a description; report one that cannot be read, or that declares no robot."""
         key, errors = real_path(path), len(self.diagnostics)
         try:
-            source = read_source(path, shown_path(path))
+            source = self._source(path, shown_path(path))
         except UnreadableFileError as problem:
             problem.code = "E321" if problem.code in ("E001", "E003") else problem.code
             self.diagnostics.append(problem.diagnostic(import_span))
@@ -331,12 +334,17 @@ class _Loader:
             self.diagnostics.append(error("E103", span, message))
             return None
         try:
-            return read_source(path, shown)
+            return self._source(path, shown)
         except UnreadableFileError as problem:
             if problem.code in ("E001", "E003"):
                 problem.code = "E103"
             self.diagnostics.append(problem.diagnostic(span))
             return None
+
+    def _source(self, path: Path, name: str) -> Source:
+        """Return the text of a file, or the one that is open in its place."""
+        text = self.open_texts.get(real_path(path)) if self.open_texts else None
+        return read_source(path, name) if text is None else Source(name, text)
 
     def in_order(self, root: str) -> tuple[ParsedFile, ...]:
         """Return the files depth first, imports before importers; report imports that close a cycle."""

@@ -193,3 +193,18 @@ def _begin_and_indent(text: str, declaration_start: int) -> tuple[int, int]:
     blanks = re.compile(r"(?:[ \t\r\n\f]|#[^\r\n]*)*").match(text, declaration_start)
     begin = blanks.end() if blanks else declaration_start
     return begin, begin - (text.rfind("\n", 0, begin) + 1)
+
+
+# --- completion ---------------------------------------------------------------------------------------
+
+
+def accepted_at(text: str, start: int, offset: int) -> frozenset[str] | None:
+    """Return the terminals that may follow a text from `start` up to `offset`; None if it has an error."""
+    valid = _parser().parse_interactive(TextSlice(text, start, offset))
+    try:
+        valid.exhaust_lexer()
+    except UnexpectedInput:
+        return None
+    accepted: set[str] = valid.accepts()  # type: ignore[no-untyped-call]
+    is_word = {"NAME", *CONTEXTUAL_KEYWORDS} <= accepted
+    return frozenset(accepted - CONTEXTUAL_KEYWORDS if is_word else accepted)

@@ -11,7 +11,7 @@ from colony.record import Record, record
 from colony.text.diagnostics import Diagnostic, Label, error
 from colony.text.source import Source, Span
 from colony.text.units import BASE_UNITS
-from colony.text.wording import did_you_mean, listed
+from colony.text.wording import Remedy, did_you_mean, listed
 
 # --- syntax hints -------------------------------------------------------------------------------------
 #
@@ -29,11 +29,11 @@ DECLARATION_STARTS = frozenset(
 )
 _KEYWORDS = frozenset(name.lower() for name in DECLARATION_STARTS) | {"when", "do"}
 _SLIP_HINTS = {
-    "&": "write `and`",
-    "&&": "write `and`",
-    "|": "write `or`",
-    "||": "write `or`",
-    "!": "write `not`",
+    "&": Remedy("write `and`", "&", "and"),
+    "&&": Remedy("write `and`", "&&", "and"),
+    "|": Remedy("write `or`", "|", "or"),
+    "||": Remedy("write `or`", "||", "or"),
+    "!": Remedy("write `not`", "!", "not"),
     ";": "clauses have no terminator: leave the `;` out",
     "'": "strings are written in double quotes",
     "//": "comments begin with `#`",
@@ -44,12 +44,12 @@ _SLIP_HINTS = {
     "=>": "write `implies` between bools, `>=` between numbers",
     "xor": "write `a != b`",
     "^": "powers are allowed only in units, without spaces: `m/s^2`",
-    "elif": "write `else if`",
-    "elseif": "write `else if`",
-    "None": "write `missing`",
-    "null": "write `missing`",
-    "True": "write `true`",
-    "False": "write `false`",
+    "elif": Remedy("write `else if`", "elif", "else if"),
+    "elseif": Remedy("write `else if`", "elseif", "else if"),
+    "None": Remedy("write `missing`", "None", "missing"),
+    "null": Remedy("write `missing`", "null", "missing"),
+    "True": Remedy("write `true`", "True", "true"),
+    "False": Remedy("write `false`", "False", "false"),
     **dict.fromkeys(
         ("def", "fn", "func", "function", "lambda"),
         "a function is `let NAME(PARAMETER : TYPE, ...) = EXPRESSION`",
@@ -173,7 +173,7 @@ def _number_hint(before: str, found: str, after: str, accepted: frozenset[str]) 
 
 def _punctuation_hint(text: str, offset: int, found: str, accepted: frozenset[str]) -> str | None:
     if found == "=" and "EQUAL" in accepted:
-        return "compare with `==`"
+        return Remedy("compare with `==`", "=", "==")
     if found == "=>" and "ARROW" in accepted:
         return "a transition is written `a -> b when CONDITION`"
     if found == "==" and "ASSIGN" in accepted:
@@ -189,7 +189,7 @@ def _punctuation_hint(text: str, offset: int, found: str, accepted: frozenset[st
     if found == ":" and {"DOTS", "RSQB"} <= accepted:
         return "a slice is written `sonar[1..3]` or `sonar[-30 deg .. 30 deg]`, with both ends"
     if found == ":" and "ASSIGN" in accepted:
-        return "write `=`"
+        return Remedy("write `=`", ":", "=")
     if found == "," and {"AT", "EXPECT"} <= accepted:
         return "there is no comma before `given` and `expect`"
     return None

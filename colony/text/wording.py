@@ -9,6 +9,26 @@ from collections.abc import Iterable, Sequence
 # The known names that are closest to an unknown name.
 
 
+class Remedy(str):
+    """A hint that names the text to write, which editors offer as a quick fix.
+
+    Attributes:
+        found: The text to replace, in the span of the finding; "" to write in front of the span.
+        written: The text to write in its place, or several to choose from.
+    """
+
+    __slots__ = ("found", "written")
+
+    found: str
+    written: tuple[str, ...]
+
+    def __new__(cls, hint: str, found: str = "", *written: str) -> Remedy:
+        """Return the hint `hint` with what it replaces."""
+        remedy = super().__new__(cls, hint)
+        remedy.found, remedy.written = found, written
+        return remedy
+
+
 _MAX_NAME_LENGTH = 64
 """Maximum number of characters of a name that are compared: external input may be of any length."""
 
@@ -31,9 +51,10 @@ def did_you_mean(
         folded.setdefault(candidate.casefold(), []).append(candidate)
     closest = get_close_matches(name[:_MAX_NAME_LENGTH].casefold(), folded, n=max_names, cutoff=cutoff)
     suggestions = [candidate for key in closest for candidate in folded[key]][:max_names]
-    return (
-        f"did you mean {' or '.join(f'`{candidate}`' for candidate in suggestions)}?" if suggestions else None
-    )
+    if not suggestions:
+        return None
+    hint = f"did you mean {' or '.join(f'`{candidate}`' for candidate in suggestions)}?"
+    return Remedy(hint, name, *suggestions)
 
 
 # --- wording -------------------------------------------------------------------------------------------

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from colony.text.wording import did_you_mean
+import pickle
+
+from colony.text.wording import Remedy, did_you_mean
 
 
 def test_case_makes_no_difference() -> None:
@@ -29,3 +31,10 @@ def test_nothing_is_close() -> None:
 
 def test_a_name_of_any_length_is_compared_quickly() -> None:
     assert did_you_mean("a" * 10**6, ["a" * 64]) == f"did you mean `{'a' * 64}`?"
+
+
+def test_a_suggestion_carries_what_to_write_also_through_a_cache() -> None:
+    hint = did_you_mean("rserver", ["PServer", "RServer"])
+    assert isinstance(hint, Remedy)
+    kept = pickle.loads(pickle.dumps(hint))
+    assert (kept, kept.found, kept.written) == ("did you mean `RServer`?", "rserver", ("RServer",))

@@ -50,6 +50,7 @@ class Environment:
         began = time.monotonic()
         ran = subprocess.run(
             [str(self.folder / "bin" / command[0]), *command[1:]],
+            stdin=subprocess.DEVNULL,  # `colony lsp` serves until its end
             cwd=folder or self.folder,
             env=self.variables(),
             capture_output=True,

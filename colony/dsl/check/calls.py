@@ -30,7 +30,7 @@ from colony.ir.types import (
     type_text,
 )
 from colony.text.units import ANGLE, NUMBER, Dimension
-from colony.text.wording import one_line
+from colony.text.wording import Remedy, one_line
 
 _SPECIAL = ("window", "fresh", "value_or", "now")
 _PURE = {f.value: f for f in ir.Function}
@@ -39,9 +39,15 @@ FUNCTION_NAMES = (*_PURE, *_MEMORY, *_SPECIAL)
 FOREIGN_FUNCTIONS = {
     "held": "`recently(b, D)` is true until D after the last frame with b, "
     "`sustained(b, D)` once b has been true for D without a break",
-    **dict.fromkeys(("avg", "average"), "write `mean`"),
-    **dict.fromkeys(("argmin", "index_min", "min_index"), "write `index_of_min`"),
-    **dict.fromkeys(("argmax", "index_max", "max_index"), "write `index_of_max`"),
+    **{
+        foreign: Remedy(f"write `{own}`", foreign, own)
+        for own, names in {
+            "mean": ("avg", "average"),
+            "index_of_min": ("argmin", "index_min", "min_index"),
+            "index_of_max": ("argmax", "index_max", "max_index"),
+        }.items()
+        for foreign in names
+    },
     **dict.fromkeys(
         ("len", "length", "size"),
         "the length of an array is declared, and no function returns it; `count` takes bools",

@@ -47,7 +47,7 @@ from colony.ir.types import (
 from colony.text.diagnostics import Label
 from colony.text.source import Span
 from colony.text.units import TIME, UnitError, common_units, nanoseconds
-from colony.text.wording import listed
+from colony.text.wording import Remedy, listed
 
 MAX_DURATION_NS = 10**18
 """Maximum duration in nanoseconds, so that sums of times fit 64 bits in every executor."""
@@ -300,14 +300,18 @@ def percent_hint(*parts: tuple[ast.Expression, Type]) -> str | None:
                 return "write its numbers in percent, as in `20 percent`"
             digits = f"{sign}{short_number(number.digits)}"
             whole = f"{float(sign + number.digits) * 100:.15g}"
-            return f"write `{digits} percent`, or `{whole} percent` for {digits} of the whole"
+            hint = f"write `{digits} percent`, or `{whole} percent` for {digits} of the whole"
+            of_whole = f"{whole.removeprefix('-')} percent"
+            return Remedy(hint, number.digits, f"{number.digits} percent", of_whole)
     return None
 
 
 def unit_hint(number: str, expected: Quantity) -> str:
     """Return a hint for a number without a unit; which unit was meant, only its author knows."""
-    units = [f"`{short_number(number)} {unit}`" for unit in common_units(expected.dimension)]
-    return f"write its unit: {listed(units, 'or')}"
+    units = common_units(expected.dimension)
+    shown = [f"`{short_number(number)} {unit}`" for unit in units]
+    digits = number.removeprefix("-")
+    return Remedy(f"write its unit: {listed(shown, 'or')}", digits, *(f"{digits} {unit}" for unit in units))
 
 
 # --- private ------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from colony.dsl import ast
 from colony.dsl.check.checker import Checker
@@ -70,11 +70,27 @@ def check_program(
 
     The values of `params` stand in for those in the text.
     """
+    examined = examine(tree, params=params)
+    return examined.program, examined.diagnostics
+
+
+class Examined(NamedTuple):
+    """The program if there are no errors, all findings, and the names of each file with their symbols."""
+
+    program: ir.Program | None
+    diagnostics: tuple[Diagnostic, ...]
+    scopes: tuple[FileScope, ...]
+
+
+def examine(tree: SourceTree, *, params: SiteParams | None = None) -> Examined:
+    """Check a program as `check_program` does; errors leave the symbols of all else."""
     report = CheckReport(diagnostics=[*tree.diagnostics, *([] if params is None else params.diagnostics)])
     is_readable = bool(tree.files) and not any(d.code == "E008" for d in tree.diagnostics)
-    program = _Check(tree, report, params).run() if is_readable else None
+    check = _Check(tree, report, params) if is_readable else None
+    program = None if check is None else check.run()
     diagnostics = in_order(report.diagnostics)
-    return (None if has_errors(diagnostics) else program), diagnostics
+    scopes = () if check is None else tuple(check.scopes)
+    return Examined(None if has_errors(diagnostics) else program, diagnostics, scopes)
 
 
 def write_out(tree: SourceTree, *, params: SiteParams | None = None) -> str:

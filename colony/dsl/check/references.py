@@ -42,7 +42,7 @@ from colony.ir import expression as ir
 from colony.ir import program as program_ir
 from colony.ir.types import BOOL, DURATION, Enum
 from colony.text.diagnostics import Label
-from colony.text.wording import quoted
+from colony.text.wording import Remedy, quoted
 
 
 def resolve_reference(checker: Checker, node: ast.Reference) -> ir.Expression | None:
@@ -140,7 +140,12 @@ def _value(checker: Checker, node: ast.Reference, symbol: ValueSymbol) -> ir.Exp
             return None
         case AssumptionSymbol():
             message = f"`{node.text}` is an assumption, not a value"
-            checker.error("E106", node, message, f"ask whether it is broken: `broken({node.text})`")
+            checker.error(
+                "E106",
+                node,
+                message,
+                Remedy(f"ask whether it is broken: `broken({node.text})`", node.text, f"broken({node.text})"),
+            )
             return None
         case EnumSymbol(type=enum):
             example = f"{node.text}.{enum.members[0][0]}"
@@ -251,7 +256,7 @@ def _unknown(checker: Checker, node: ast.Reference, scope: FileScope, name: str)
     if network_symbol is not None:
         status = "commanded" if isinstance(network_symbol, ActuatorSymbol) else "active"
         status_hint = (
-            f"write `{name} is {status}`"
+            Remedy(f"write `{name} is {status}`", name, f"{name} is {status}")
             if checker.in_contract_or_test
             else "only contracts and tests can refer to it"
         )
@@ -268,7 +273,7 @@ def _unknown(checker: Checker, node: ast.Reference, scope: FileScope, name: str)
     known_names = [*checker.local, *scope.visible_values, *scope.robot.values, *scope.aliases, *checker.loops]
     robot = checker.scope.robot
     if name in robot.sensor_names | robot.actuator_names:
-        prefixed = f"the robot's names are never prefixed: write `{name}`"
+        prefixed = Remedy(f"the robot's names are never prefixed: write `{name}`", node.text, name)
         checker.error("E101", node, f"unknown name `{node.text}`", prefixed)
         return
     hint = _WORD_HINTS.get(name) or _member_hint(scope, name) or checker.report.suggest(name, known_names)
@@ -283,13 +288,15 @@ def report_unknown(checker: Checker, code: str, node: ast.Reference, message: st
     elif node.text not in robot.lacks:
         robot.lacks.add(node.text)
         lacks = f"{robot.title} has none, neither sensor nor `let`"
-        checker.error(code, node, message, f"{lacks}; {hint}" if hint else lacks)
+        both = f"{lacks}; {hint}" if hint else lacks
+        remedy = Remedy(both, hint.found, *hint.written) if isinstance(hint, Remedy) else both
+        checker.error(code, node, message, remedy)
 
 
 _DECLARE_ABOVE = "declare it above the line that reads it"
 _WORD_HINTS = {
-    "True": "write `true`",
-    "False": "write `false`",
+    "True": Remedy("write `true`", "True", "true"),
+    "False": Remedy("write `false`", "False", "false"),
     "None": "write `missing` in tests, `fresh(sensor)` in expressions",
     "t": "the time since the first frame is `now`",
     "time": "the time since the first frame is `now`",
@@ -302,7 +309,7 @@ def _member_hint(scope: FileScope, name: str) -> str | None:
     """Return a hint that names the enum or machine with this member."""
     for owner, symbol in islice(scope.values.items(), 1000):
         if isinstance(symbol, EnumSymbol | MachineSymbol) and name in dict(symbol.type.members):
-            return f"did you mean `{owner}.{name}`?"
+            return Remedy(f"did you mean `{owner}.{name}`?", name, f"{owner}.{name}")
     return None
 
 

@@ -19,7 +19,7 @@ from colony.ir.program import Actuator, AnyModule, Module, Sensor
 from colony.ir.types import Array, Quantity, ScalarValue, Value, element_type
 from colony.ir.walk import all_subexpressions
 from colony.text.diagnostics import Diagnostic, warning
-from colony.text.wording import quoted
+from colony.text.wording import Remedy, quoted
 from colony.verify.contracts.concrete_runs import GeneratedRuns, plain_values
 from colony.verify.lints.case import Case
 from colony.verify.lints.driving import (
@@ -290,5 +290,9 @@ def _warnings(case: Case, found: Found) -> Iterator[Diagnostic]:
             "V030",
             case.modules[module].span,
             f"with {quoted(sensors, 'or')} missing, `{module}` can drive: {quoted(names)}, {silent}",
-            f"{cure}, or {inhibitor_hint(sensors, module)}",
+            Remedy(
+                f"{cure}, or {inhibitor_hint(sensors, module)}",
+                f"module {names[0]}",
+                f"failsafe module {names[0]}",
+            ),
         )

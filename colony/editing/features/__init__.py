@@ -1,0 +1,1 @@
+"""What the server answers, a kind of request a file: functions of a document and the last index of it."""

@@ -1,0 +1,83 @@
+"""The requests about one document, each with the type of its parameters and the feature that answers it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from colony.editing.features import completion, hover, margin, navigation, signature, symbols, tokens
+from colony.editing.server.documents import EditedFile
+from colony.editing.server.protocol import DocumentParams, PositionParams, RangeParams, Settings, TextEdit
+from colony.editing.text import Drift
+from colony.text.diagnostics import DiagnosticError
+
+
+def _formatting(file: EditedFile) -> list[TextEdit]:
+    """Return the edit that formats a document; none where its text has errors."""
+    try:
+        from colony.editing.formatting import formatted  # type: ignore[import-untyped,unused-ignore]
+    except ImportError:
+        return []
+    try:
+        text = formatted(file.text, file.path)
+    except DiagnosticError:
+        return []
+    drift = Drift.between(file.text, text)
+    if drift.start < 0:
+        return []
+    return [TextEdit(file.lines.range(drift.start, drift.then), text[drift.start : drift.now])]
+
+
+def _quick_fixes(file: EditedFile, params: RangeParams) -> list[Any]:
+    return margin.quick_fixes(file, params.range, [*file.file.findings, *file.proved_now])
+
+
+Feature = tuple[type[Any], Callable[[Settings, EditedFile, Any], Any]]
+
+FEATURES: dict[str, Feature] = {
+    "textDocument/hover": (PositionParams, lambda _, f, p: hover.hover(f, p.position)),
+    "textDocument/definition": (PositionParams, lambda _, f, p: navigation.definition(f, p.position)),
+    "textDocument/documentHighlight": (PositionParams, lambda _, f, p: navigation.highlights(f, p.position)),
+    "textDocument/completion": (PositionParams, lambda _, f, p: completion.completions(f, p.position)),
+    "textDocument/signatureHelp": (PositionParams, lambda _, f, p: signature.signature_help(f, p.position)),
+    "textDocument/documentSymbol": (DocumentParams, lambda _, f, p: symbols.document_symbols(f)),
+    "textDocument/semanticTokens/full": (DocumentParams, lambda _, f, p: tokens.semantic_tokens(f)),
+    "textDocument/foldingRange": (DocumentParams, lambda _, f, p: tokens.folds(f)),
+    "textDocument/codeLens": (DocumentParams, lambda s, f, p: f.lenses(proves=s.prove)),
+    "textDocument/formatting": (DocumentParams, lambda _, f, p: _formatting(f)),
+    "textDocument/codeAction": (RangeParams, lambda _, f, p: _quick_fixes(f, p)),
+    "textDocument/inlayHint": (
+        RangeParams,
+        lambda s, f, p: margin.inlay_hints(f, p.range) if s.hints else [],
+    ),
+}
+"""By method, the type of its parameters and its function of the settings, a document and parameters."""
+
+COMMANDS = (margin.SHOW_RUN, margin.WRITE_TEST, margin.RUN_TEST)
+"""The commands that an editor may ask for; each takes the URI of a document, and a name."""
+
+WATCHED = ("**/*.colony", "**/colony.toml", "**/pyproject.toml")
+"""Files on which findings depend."""
+
+CAPABILITIES: dict[str, Any] = {
+    "positionEncoding": "utf-16",
+    "textDocumentSync": {"openClose": True, "change": 2, "save": True},
+    **dict.fromkeys(
+        (
+            *("hoverProvider", "definitionProvider", "documentHighlightProvider", "referencesProvider"),
+            *("renameProvider", "documentSymbolProvider", "workspaceSymbolProvider", "foldingRangeProvider"),
+            *("documentFormattingProvider", "inlayHintProvider"),
+        ),
+        True,
+    ),
+    "completionProvider": {"triggerCharacters": [".", "(", '"']},
+    "signatureHelpProvider": {"triggerCharacters": ["(", ","]},
+    "codeActionProvider": {"codeActionKinds": ["quickfix"]},
+    "codeLensProvider": {},
+    "executeCommandProvider": {"commands": list(COMMANDS)},
+    "semanticTokensProvider": {
+        "legend": {"tokenTypes": list(tokens.TOKEN_TYPES), "tokenModifiers": []},
+        "full": True,
+    },
+}
+"""What the server can do, as `initialize` answers."""
