@@ -22,6 +22,7 @@ ALLOWED: dict[str, set[str]] = {
     "execute": {"ir"},
     "compile": {"ir", "execute"},
     "verify": {"ir", "execute", "compile", "dsl"},
+    "editing": {"ir", "dsl"},
     "runtime": {"ir", "execute"},
     "analysis": {"ir", "dsl", "execute", "compile", "verify", "runtime"},
     "drivers": {"ir", "runtime"},

@@ -1,0 +1,1 @@
+"""What editors ask for: the one style of files."""
