@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 COMMANDS = {
     "new": "start a project",
     "check": "find errors in behavior files",
+    "fmt": "format behavior files in the one style",
     "compile": "compile a behavior to prioritized clients",
     "graph": "draw the network as SVG or DOT",
     "test": "run the tests that behavior files contain",

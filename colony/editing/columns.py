@@ -7,18 +7,18 @@ from collections.abc import Iterable, Sequence
 from itertools import groupby, pairwise
 
 from colony.editing.breaking import break_long, place_row
-from colony.editing.layout import WIDTH, Line, Piece, Row
+from colony.editing.layout import WIDTH, Line, Piece, Row, set_stops
 
 _PASSES = 8
 """Passes over a file at most. The second one changes something only where blocks have grown together."""
 
-_AS_BEGUN = {"colon": 1, "assign": 1, "do": 1}
+_AS_BEGUN = {"colon": 1, "assign": 1, "brace": 1, "do": 1, "to": 1, "idle_in_line": 1}
 _IN_BLOCKS = {
     "wire": 1,
     "arrow": 1,
     "when": 1,
     "until": 2,
-    "time": 1,
+    "time": 2,
     "else": 1,
     "promise": 1,
     "brace": 1,
@@ -50,13 +50,13 @@ _Groups = dict[str, list[list[_Member]]]
 
 def place(rows: list[Row]) -> None:
     """Give each piece its column, and break the lines that are too long."""
-    for row in rows:
-        for piece in row.pieces:
-            piece.space = _SPACES.get(piece.stop, piece.space)
     placement = _Placement(rows)
     for _ in range(_PASSES):
         placement.align()
-        while sum(map(break_long, rows)):
+        while broken := [row for row in rows if break_long(row)]:
+            for row in broken:
+                set_stops(row)
+            placement = _Placement(rows)
             placement.align()
         _place_comments(rows)
         if not _take_as_written(rows):
@@ -80,6 +80,9 @@ class _Placement:
     """The rows of a file, with what is aligned in neighboring rows of a kind, and in a declaration."""
 
     def __init__(self, rows: list[Row]) -> None:
+        for row in rows:
+            for piece in row.pieces:
+                piece.space = _SPACES.get(piece.stop, piece.space)
         self._rows = rows
         self._names = _name_columns(rows)
         self._blocks = _groups(
@@ -178,17 +181,25 @@ def _fits_most(column: int, members: list[_Member]) -> bool:
 
 
 def _align_clauses(stop: str, blocks: list[list[_Member]], declarations: list[list[_Member]]) -> None:
-    """Align clauses of a robot to the usual column of their block, or else of the robot."""
-    of_robots = {}
+    """Align clauses of a robot to the usual column of their block, or else of the robot.
+
+    Without one of its block, a clause keeps its column if it shares it with others of the robot.
+    """
+    of_robots: dict[int, tuple[int, set[int]]] = {}
     for members in declarations:
         column = _usual_column(stop, members)
-        of_robots[members[0][0].block] = (
-            column if column >= 0 else max([piece.column for _, piece in members])
-        )
+        widest = max([piece.column for _, piece in members])
+        columns = Counter(piece.source_column for _, piece in members)
+        shared = {column for column, count in columns.items() if count > 1}
+        of_robots[members[0][0].block] = (column if column >= 0 else widest, shared)
     for members in blocks:
-        column = _usual_column(stop, members)
+        usual = _usual_column(stop, members)
         for row, piece in members:
-            piece.fixed = column if column >= 0 else of_robots.get(row.block, -1)
+            of_robot, shared = of_robots.get(row.block, (-1, set()))
+            column = of_robot if piece.source_column not in shared else piece.source_column
+            column = usual if usual >= 0 else column
+            if _has_room(_line_of(row, piece), column - piece.column):
+                piece.fixed = column
 
 
 def _align_steps(stop: str, tests: list[list[_Member]]) -> None:
@@ -207,9 +218,9 @@ def _align_steps(stop: str, tests: list[list[_Member]]) -> None:
         column = of_file if column < 0 and _fits_most(of_file, members) else column
         if column < 0:
             narrow = [piece.column for _, piece in members if piece.column <= _WIDEST[stop]]
-            column = max(narrow, default=-1)
+            column = max(narrow, default=-1) + (stop == "given")
         for row, piece in test:
-            line = next(line for line in row.lines if piece in line.pieces)
+            line = _line_of(row, piece)
             if stop == "given":
                 piece.fixed = column
             elif line.pieces[0] is piece:
@@ -218,6 +229,10 @@ def _align_steps(stop: str, tests: list[list[_Member]]) -> None:
                 piece.fixed = column
             elif all(other.stop != "given" for other in row.pieces):
                 piece.fixed = given
+
+
+def _line_of(row: Row, piece: Piece) -> Line:
+    return next(line for line in row.lines if any(other is piece for other in line.pieces))
 
 
 def _has_room(line: Line, shift: int) -> bool:
@@ -237,16 +252,21 @@ def _is_aligned_step(row: Row, piece: Piece) -> bool:
 
 
 def _place_comments(rows: list[Row]) -> None:
-    """Place the comments behind lines: those of neighboring lines in the column of most of them."""
+    """Place the comments behind lines: those of neighboring lines in the column of most of them.
+
+    A comment without neighbors keeps its distance.
+    """
     lines = [(row, line) for row in rows for line in row.lines]
     for has_comment, group in groupby(lines, lambda member: bool(member[1].pieces and member[1].comment)):
-        if not has_comment:
-            continue
-        together = [line for _, line in group]
-        columns = Counter(line.comment_column for line in together)
-        column = max((count, column) for column, count in columns.items())[1]
-        if any(line.end + _COMMENT_SPACE > column for line in together):
-            column = max([line.end for line in together]) + _COMMENT_SPACE
+        together = [line for _, line in group] if has_comment else []
+        if len(together) > 1:
+            columns = Counter(line.comment_column for line in together)
+            column = max((count, column) for column, count in columns.items())[1]
+            if any(line.end + _COMMENT_SPACE > column for line in together):
+                column = max([line.end for line in together]) + _COMMENT_SPACE
         for line in together:
+            if len(together) == 1:
+                last = line.pieces[-1]
+                column = line.comment_column - last.source_column + last.column
             room = WIDTH - len(line.comment)
             line.comment_column = max(line.end + _COMMENT_SPACE, min(column, room))

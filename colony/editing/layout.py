@@ -105,7 +105,7 @@ def rows_of(text: str, tree: ast.File, tokens: Sequence[Token]) -> list[Row]:
     ends = [token.end_pos or 0 for token in tokens]
     rows = _assembled(text, pieces, ends, begins)
     for row in rows:
-        _set_stops(row)
+        set_stops(row)
     return rows
 
 
@@ -145,7 +145,7 @@ def _set_spaces(pieces: list[Piece], promises: set[int]) -> None:
     for piece in pieces:
         kind = piece.kind
         in_promise = (in_promise and kind != "ASSIGN") or piece.start in promises
-        tight = (before in _TIGHT_AFTER and (kind, before) != ("PREFIX", "PREFIX")) or kind in _TIGHT_BEFORE
+        tight = before in _TIGHT_AFTER or kind in _TIGHT_BEFORE
         tight = tight or (kind == "LPAR" and before in _CALLED) or (kind == "LSQB" and before in _INDEXED)
         if kind == "COLON" and in_promise:
             tight, in_promise = True, False
@@ -305,6 +305,7 @@ _STOPS: dict[str, dict[str, str]] = {
     "input": {"COLON": "colon"},
     "state": {"COLON": "colon", "ASSIGN": "assign"},
     **{kind: {"ASSIGN": "assign"} for kind in ("let", "function", "param", "tunable", "next", "derived")},
+    "actuator": {"LBRACE": "brace", "TO": "to", "IDLE": "idle_in_line"},
     "wire": {"ASSIGN": "wire"},
     "transition": {"ARROW": "arrow", "WHEN": "when"},
     "task": {"ASSIGN": "wire", "UNTIL": "until", "WITHIN": "time"},
@@ -314,7 +315,7 @@ _STOPS: dict[str, dict[str, str]] = {
 """What pieces of each kind of row are aligned by, by their terminals outside of brackets."""
 
 
-def _set_stops(row: Row) -> None:
+def set_stops(row: Row) -> None:
     """Name what the pieces of a row are aligned by."""
     stops = dict(_STOPS.get(row.kind, {}))
     if row.kind == INLINE and "MODULE" in (piece.kind for piece in row.lines[0].pieces[:2]):
@@ -328,7 +329,9 @@ def _set_stops(row: Row) -> None:
                 piece.stop = "do"
             elif depth == 0 and before:
                 piece.stop = stops.pop(kind, "")
-                if piece.stop == "promise":
+                if line.pieces[0].kind == "TO":
+                    piece.stop = "idle" if kind == "IDLE" else ""
+                elif piece.stop == "promise":
                     piece.stop, stops = "", {}
                 elif before == "COLON" and row.kind in _PROMISES:
                     piece.stop = "promise"
@@ -339,7 +342,5 @@ def _set_stops(row: Row) -> None:
                     stops["attribute"] = ""
                     piece.stop = "attribute" if is_first or piece is line.pieces[0] else ""
                     piece.space = 2
-                elif kind == "IDLE" and line.pieces[0].kind == "TO":
-                    piece.stop = "idle"
             depth += kind in OPENING
             before = kind
