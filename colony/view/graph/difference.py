@@ -1,4 +1,4 @@
-"""What a change does to a network: modules and wires added and removed, and modules that moved in priority."""
+"""What a change does to a network: modules and wires added and removed, modules moved in priority."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from colony.text.wording import duration_text
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marks:
-    """What a picture of the new network shows: `added` or `moved` by the index of a node, and lost modules."""
+    """Marks in a picture of the new network: `added` or `moved` by the index of a node, and lost modules."""
 
     of_nodes: Mapping[int, str] = field(default_factory=dict)
     removed: tuple[str, ...] = ()
