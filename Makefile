@@ -19,7 +19,7 @@ ROS2_SAMPLE := many_types or topics_alone
 # Tests start many processes; without bytecode each of them would compile all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: run test test-long test-thorough ros2 ros2-sample browser check format bench soak stops loss agreement angles attack wheel mutants clean
+.PHONY: run test test-long test-thorough ros2 ros2-sample browser vscode check format bench soak stops loss agreement angles attack wheel mutants clean
 
 run: $(SIM)
 	$(BIN)/colony run wander --map loop --duration 60 --seed 1 --picture run.png
@@ -47,6 +47,11 @@ ros2-sample: $(DEV)
 browser: $(DEV)
 	npm install --silent --no-audit --no-fund --no-save --prefix build/axe axe-core@4.14.1
 	WATCH_PICTURE=docs/watch.png $(BIN)/python -m pytest -n 0 -m '' tests/watch/browser
+
+vscode: $(DEV)
+	$(BIN)/python -m tools.editor_grammar
+	cp LICENSE editors/vscode/LICENSE
+	cd editors/vscode && npm install --silent --no-audit --no-fund && npm run --silent package
 
 check: $(DEV)
 	$(BIN)/ruff format --check .

@@ -51,7 +51,7 @@ ALLOWED["cli"] = set(ALLOWED)
 """The packages that a package may import, besides itself, `text` and the base."""
 
 THIRD_PARTY: dict[str, set[str]] = {
-    "lark": {"dsl"},
+    "lark": {"dsl", "editing"},
     "hypothesis": {"verify"},
     "z3": {"verify"},
     "numba": {"sim"},

@@ -11,10 +11,11 @@ from colony.cli.params_choice import params_option
 from colony.cli.reporting import load_program
 from colony.cli.robot_choice import description_option
 
-FORMATS = ("svg", "dot", "graphml")
+FORMATS = {"svg": ".svg", "dot": ".dot", "graphml": ".graphml", "mermaid": ".mmd"}
+"""The formats, and the suffixes that give them."""
 
 
-@click.command("graph", short_help="draw the network as SVG, DOT or GraphML")
+@click.command("graph", short_help="draw the network as SVG, DOT, GraphML or Mermaid")
 @click.argument("file", metavar="FILE", type=BEHAVIOR)
 @description_option()
 @params_option()
@@ -28,39 +29,76 @@ FORMATS = ("svg", "dot", "graphml")
 @click.option(
     "--format",
     "format_",
-    type=click.Choice(FORMATS),
+    type=click.Choice(list(FORMATS)),
     help="The format, if the suffix of the output file does not give it.",
 )
-def command(file: str, output: Path | None, format_: str | None) -> None:
+@click.option(
+    "--diff",
+    "old",
+    metavar="OLD",
+    type=BEHAVIOR,
+    help="Show what FILE changes in the network of OLD: as text, or in a picture in DOT or Mermaid.",
+)
+def command(file: str, output: Path | None, format_: str | None, old: str | None) -> None:
     """Draw the network: modules, actuators, and suppressor and inhibitor nodes with the dominant input on
     top.
+
+    With --diff, print which modules and wires the change from OLD to FILE adds and removes, and which modules
+    it moves in priority. With an output or a format, draw the network with the change marked.
 
     \b
     Example:
       colony graph wander
       colony graph wander -o wander.dot
+      colony graph wander --format mermaid -o /dev/stdout
+      colony graph --diff before.colony after.colony
     """
-    kind = format_ or (output.suffix[1:] if output is not None else "svg")
-    if kind not in FORMATS:
-        message = (
-            f"unknown format of `{output}`; expected a file ending in .svg, .dot or .graphml, or --format"
+    suffix = "" if output is None else output.suffix
+    kind = format_ or next((name for name, own in FORMATS.items() if own == suffix), None)
+    context = click.get_current_context()
+    if kind is None and output is not None:
+        message = f"unknown format of `{output}`; expected a file ending in {_SUFFIXES}, or --format"
+        raise click.UsageError(message, context)
+    if old is not None and kind is None:
+        _print_difference(old, file)
+        return
+    kind = kind or "svg"
+    if old is not None and kind not in ("dot", "mermaid"):
+        raise click.UsageError(
+            "--diff draws in DOT and Mermaid alone, and prints text without a format", context
         )
-        raise click.UsageError(message, click.get_current_context())
-    target = output or Path(Path(file).stem + "." + kind)
-    check_output(target, [file])
+    target = output or Path(Path(file).stem + FORMATS[kind])
+    check_output(target, [file, *([old] if old else [])])
+    write_whole(target, _drawn(file, old, kind))
+    if target not in _STREAMS:
+        click.echo(f"wrote {target}")
+
+
+_STREAMS = (Path("/dev/stdout"), Path("/dev/stderr"))
+_SUFFIXES = f"{', '.join(list(FORMATS.values())[:-1])} or {list(FORMATS.values())[-1]}"
+
+
+def _print_difference(old: str, new: str) -> None:
+    programs = load_program(old), load_program(new)
+    from colony.view.graph.difference import difference_lines
+
+    click.echo("\n".join(difference_lines(*programs) or ["the networks are the same"]))
+
+
+def _drawn(file: str, old: str | None, kind: str) -> str:
+    """Return the picture of a network in a format; with `old`, the change is marked."""
     program = load_program(file)
+    before = None if old is None else load_program(old)
     title = Path(file).stem
-    if kind == "svg":
-        from colony.view.graph.graph import to_svg
-
-        text = to_svg(program, title)
-    elif kind == "dot":
-        from colony.view.graph.graph import to_dot
-
-        text = to_dot(program, title)
-    else:
+    if kind == "graphml":
         from colony.view.graph.networkx import to_graphml
 
-        text = to_graphml(program)
-    write_whole(target, text)
-    click.echo(f"wrote {target}")
+        return to_graphml(program)
+    from colony.view.graph import graph
+    from colony.view.graph.difference import marks_of
+
+    if kind == "svg":
+        return graph.to_svg(program, title)
+    marks = None if before is None else marks_of(before, program)
+    draw = graph.to_dot if kind == "dot" else graph.to_mermaid
+    return draw(program, title, marks)

@@ -26,8 +26,9 @@ if TYPE_CHECKING:
 COMMANDS = {
     "new": "start a project",
     "check": "find errors in behavior files",
+    "fmt": "format behavior files in the one style",
     "compile": "compile a behavior to prioritized clients",
-    "graph": "draw the network as SVG or DOT",
+    "graph": "draw the network, or what a change does to it",
     "test": "run the tests that behavior files contain",
     "coverage": "show which parts of a behavior its tests, or recordings, exercise",
     "verify": "prove contracts, and find modules that can never act",

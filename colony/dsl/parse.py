@@ -9,13 +9,17 @@ from __future__ import annotations
 
 import re
 from decimal import Decimal
+from typing import TYPE_CHECKING
 
 from colony.dsl import ast
 from colony.ir.expression import NESTING_LIMIT
 from colony.ir.version import LANGUAGE
 from colony.record import Record, record
-from colony.text.diagnostics import Diagnostic, error, note
+from colony.text.diagnostics import Diagnostic, DiagnosticError, error, note
 from colony.text.source import Source, Span
+
+if TYPE_CHECKING:
+    from lark import Token
 
 # --- language version ---------------------------------------------------------------------------------
 #
@@ -105,6 +109,23 @@ def parse(source: Source) -> Parsed:
         diagnostics=tuple(diagnostics),
         lost_names=frozenset(lost),
     )
+
+
+def parse_with_tokens(source: Source) -> tuple[ast.File, list[Token]]:
+    """Parse a file without errors, and return its tokens, too.
+
+    Raises:
+        DiagnosticError: the file has syntax errors, or another version.
+    """
+    from colony.dsl.parser import read_tokens
+
+    found = None if _check_depth(source) else read_tokens(source.text)
+    if found is None:
+        raise DiagnosticError(parse(source).diagnostics)
+    problem = version_error(source, found[0].language)
+    if problem is not None:
+        raise DiagnosticError((problem,))
+    return found
 
 
 def _check_depth(source: Source) -> Diagnostic | None:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import lark
-from lark import Lark, TextSlice, Tree
+from lark import Lark, TextSlice, Token, Tree
 from lark.exceptions import UnexpectedInput
 
 from colony.dsl import ast
@@ -58,6 +58,19 @@ def parse_from(text: str, start: int) -> ast.File | Unexpected:
         return cast("ast.File", _parser().parse(TextSlice(text, start, len(text))))
     except UnexpectedInput as problem:
         return _unexpected(text, start, problem)
+
+
+def read_tokens(text: str) -> tuple[ast.File, list[Token]] | None:
+    """Parse a text, and return the tokens of the lexer, too; None for one with syntax errors.
+
+    Between the tokens are blanks and comments.
+    """
+    reading = _parser().parse_interactive(text)
+    try:
+        tokens = reading.exhaust_lexer()
+        return cast("ast.File", reading.feed_eof()), tokens  # type: ignore[no-untyped-call]
+    except UnexpectedInput:
+        return None
 
 
 def _unexpected(text: str, start: int, problem: UnexpectedInput) -> Unexpected:

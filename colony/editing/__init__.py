@@ -1,1 +1,1 @@
-"""What editors ask about behavior files."""
+"""What editors ask about behavior files, and the one style of these."""

@@ -28,7 +28,20 @@ def test_graphs(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     assert colony("graph", behavior, "-o", "b.graphml").code == 0
     assert "<graphml" in (tmp_path / "b.graphml").read_text()
     err = colony.refusal("graph", behavior, "-o", "b.bmp")
-    assert "expected a file ending in .svg, .dot or .graphml" in err
+    assert "expected a file ending in .svg, .dot, .graphml or .mmd" in err
+    assert colony("graph", behavior, "--format", "mermaid").out == "wrote b.mmd\n"
+    assert "flowchart LR" in (tmp_path / "b.mmd").read_text()
+
+
+def test_a_graph_of_a_change(colony: Colony, behavior: Path, tmp_path: Path) -> None:
+    old = tmp_path / "old.colony"
+    old.write_text(behavior.read_text())
+    assert colony("graph", "--diff", old, behavior) == (0, "the networks are the same\n", "")
+    behavior.write_text(behavior.read_text().replace("module cruise", "failsafe module cruise"))
+    assert "cruise: now failsafe" in colony.output("graph", "--diff", old, behavior)
+    assert colony("graph", "--diff", old, behavior, "-o", "c.mmd").code == 0
+    assert '[["cruise"]]' in (tmp_path / "c.mmd").read_text()
+    assert "DOT and Mermaid alone" in colony.one_line("graph", "--diff", old, behavior, "-o", "c.svg")
 
 
 def test_files_with_errors_are_told_and_the_others_tested(

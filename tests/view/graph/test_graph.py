@@ -8,7 +8,7 @@ import pytest
 
 from colony.compile.network import Inhibitor, ModuleLeaf, Network, Suppressor
 from colony.compile.passes.elaborate import elaborate
-from colony.view.graph.graph import to_dot, to_svg
+from colony.view.graph.graph import to_dot, to_mermaid, to_svg
 from colony.view.graph.svg import Diagram, Vertex, layout
 from tests.networks import chain, ladder, random_program
 
@@ -156,3 +156,25 @@ def test_dot_has_each_node_and_each_wire() -> None:
         assert wire in text
     assert 'xlabel="roam, 1.5 s"' in text
     assert text.count("{") == text.count("}")
+
+
+def test_mermaid_has_each_node_and_each_wire() -> None:
+    text = to_mermaid(WANDER, title='say "hi"')
+    head, _, body = text.partition("flowchart LR\n")
+    assert head == '---\ntitle: "say \\"hi\\""\n---\n'
+    nodes = {
+        "n0": '("avoid")',
+        "n1": '("cruise")',
+        "n2": '(("S 1.5 s"))',
+        "n3": '("docked")',
+        "n4": '(("I"))',
+    }
+    for name, shape in nodes.items():
+        assert f"  {name}{shape}" in body
+    for wire in ("n0 ==> n2", "n1 --> n2", "n3 ==> n4", 'n2 -->|"roam"| n4', "n4 --> a0"):
+        assert f"  {wire}\n" in body
+    statements = re.compile(
+        r"  (classDef \w+ [\w#:,-]+|\w+(\(\(|\[\[|\[/|\()\"[^\"]*\"(\)\)|\]\]|/\]|\))(:::\w+)?"
+        r"|\w+ (-->|==>)(\|\"[^\"]*\"\|)? \w+)"
+    )
+    assert all(statements.fullmatch(line) for line in body.splitlines())
