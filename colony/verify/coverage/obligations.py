@@ -314,7 +314,8 @@ class _Planner:
         text = _limit_text(limit)
         root = self._case.network.roots.get(actuator.name)
         names = () if root is None else self._case.network.modules_under(root)
-        commands = [m for name in names if (m := self._case.modules.get(name)) is not None and m.command]
+        modules = [self._case.modules[name] for name in names if name in self._case.modules]
+        commands = [m for m in modules if m.actuator == actuator.name]  # others inhibit them
         exceeds = any_of(
             all_of(
                 (

@@ -131,3 +131,16 @@ def test_generated_tests_break_no_contract_and_give_no_infinite_reading() -> Non
     assert not generated.left_out
     program = load_text("\n".join([UNWRITABLE, *(test.text for test in generated.tests)]))
     assert all(result.passed for result in run_examples(program))
+
+
+def test_a_limit_cuts_no_command_of_a_module_that_only_inhibits() -> None:
+    text = (
+        robot("actuator lamp { level : number, on : bool } to DServer.Lamp idle hold")
+        + go("cruise", "true", turn="20 deg/s")
+        + "module shine { when bumper do lamp(level = 1, on = true) }\n"
+        + "network { drive = shine inhibits cruise  lamp = shine }\n"
+        + "limit drive.turn <= level * 1 deg/s\n"
+    )
+    plan = plan_of(load_text(text))
+    (goal,) = [g for g in plan.goals.values() if g.text.startswith("a command goes beyond")]
+    assert isinstance(GoalProver(plan).answer(goal), Trace)
