@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from itertools import count
 from typing import Any
 
 import msgspec
 from msgspec import UNSET
 
 from colony import __version__
+from colony.dsl.parser import accepted_at
 from colony.editing.features import margin, symbols
 from colony.editing.features.renaming import new_name_problem, rename_edit
 from colony.editing.index import Index
@@ -59,15 +61,11 @@ class EditorSession:
         self._folders: list[str] = []
         self._capabilities: Any = {}
         self._initialized = self._shut_down = False
-        self._number = 0
+        self._next_number = count(1).__next__  # of jobs, and of requests to the editor
         self._busy: tuple[Job, EditedFile] | None = None
         self._uses: list[tuple[UsesJob, EditedFile, Any, str]] = []  # with the request and the new name
         self._waiting: list[tuple[protocol.EditorMessage, EditedFile]] = []  # for a first index
         self.proofs = ProofQueue(self, self._files, self._next_number)
-
-    def _next_number(self) -> int:
-        self._number += 1
-        return self._number
 
     # --- messages
 
@@ -156,7 +154,8 @@ class EditorSession:
         return {"capabilities": CAPABILITIES, "serverInfo": {"name": "colony", "version": __version__}}
 
     def _initialized_by(self, message: protocol.EditorMessage, now: float) -> None:
-        """Ask to hear of files that other programs change, if the editor can be asked."""
+        """Load the grammar for the first completion; ask to hear of files that other programs change."""
+        accepted_at("", 0, 0)
         if self._can("workspace", "didChangeWatchedFiles", "dynamicRegistration"):
             watchers = [{"globPattern": pattern} for pattern in WATCHED]
             registered = {"id": "files", "method": "workspace/didChangeWatchedFiles"}
