@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 VERSION_LINE = f"language {LANGUAGE}"
 """The line that says the version of a file."""
 
+UNVERSIONED = "N001"
+"""The code of the note for a file without it."""
+
 
 def version_error(source: Source, line: ast.LanguageDecl | None) -> Diagnostic | None:
     """Return the error of a file whose `language` line names another version, None for any other file."""
@@ -43,7 +46,7 @@ def version_error(source: Source, line: ast.LanguageDecl | None) -> Diagnostic |
 def version_note(source: Source) -> Diagnostic:
     """Return the note for a file that does not name its version."""
     hint = f"write `{VERSION_LINE}` before the first declaration"
-    return note("N001", Span(source, 0, 1), f"read as version {LANGUAGE} of the language", hint)
+    return note(UNVERSIONED, Span(source, 0, 1), f"read as version {LANGUAGE} of the language", hint)
 
 
 # --- parse --------------------------------------------------------------------------------------------

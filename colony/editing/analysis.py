@@ -23,7 +23,7 @@ from colony.dsl.check.scope import (
 )
 from colony.dsl.descriptions import RobotChoice
 from colony.dsl.files import SourceTree, load_tree, relative_sources
-from colony.dsl.parse import SYNTAX_CODES, VERSION_LINE, version_note
+from colony.dsl.parse import SYNTAX_CODES, UNVERSIONED, VERSION_LINE, version_note
 from colony.dsl.robot_import import context_of_file
 from colony.editing.index import (
     Declaration,
@@ -41,8 +41,6 @@ from colony.ir.types import Array, Bool, Enum, ScalarValue, Type, element_type, 
 from colony.text.diagnostics import Diagnostic, in_order
 from colony.text.source import Source
 from colony.text.wording import Remedy, duration_text
-
-_UNREADABLE = frozenset({"E001", "E002", "E003"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -316,7 +314,7 @@ def finding_of(
 def fixes_of(diagnostic: Diagnostic, file: ast.File) -> tuple[QuickFix, ...]:
     """Return the changes that mend a finding: those that its hint names, and declarations that lack."""
     start = file.declarations[0].start if file.declarations else 0
-    if diagnostic.code == "N001":
+    if diagnostic.code == UNVERSIONED:
         return (QuickFix(f"write `{VERSION_LINE}`", (TextChange(start, start, f"{VERSION_LINE}\n\n"),)),)
     if diagnostic.code == "E301" and diagnostic.span.source.text.strip():
         return (QuickFix("write `import robot`", (TextChange(start, start, "import robot\n\n"),)),)

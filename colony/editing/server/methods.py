@@ -56,8 +56,20 @@ FEATURES: dict[str, Feature] = {
 COMMANDS = (margin.SHOW_RUN, margin.WRITE_TEST, margin.RUN_TEST)
 """The commands that an editor may ask for; each takes the URI of a document, and a name."""
 
-WATCHED = ("**/*.colony", "**/colony.toml", "**/pyproject.toml")
-"""Files on which findings depend."""
+WATCHING: dict[str, Any] = {
+    "registrations": [
+        {
+            "id": "files",
+            "method": "workspace/didChangeWatchedFiles",
+            "registerOptions": {
+                "watchers": [
+                    {"globPattern": f"**/{name}"} for name in ("*.colony", "colony.toml", "pyproject.toml")
+                ]
+            },
+        }
+    ]
+}
+"""The wish to hear of the files on which findings depend."""
 
 CAPABILITIES: dict[str, Any] = {
     "positionEncoding": "utf-16",

@@ -34,7 +34,7 @@ from colony.editing.server.jobs import (
     UsesAnswer,
     UsesJob,
 )
-from colony.editing.server.methods import CAPABILITIES, COMMANDS, FEATURES, WATCHED
+from colony.editing.server.methods import CAPABILITIES, COMMANDS, FEATURES, WATCHING
 from colony.editing.server.proofs import ProofQueue
 from colony.editing.server.worker import behavior_files
 from colony.editing.text import Drift, Lines
@@ -157,10 +157,7 @@ class EditorSession:
         """Load the grammar for the first completion; ask to hear of files that other programs change."""
         accepted_at("", 0, 0)
         if self._can("workspace", "didChangeWatchedFiles", "dynamicRegistration"):
-            watchers = [{"globPattern": pattern} for pattern in WATCHED]
-            registered = {"id": "files", "method": "workspace/didChangeWatchedFiles"}
-            options = {"registerOptions": {"watchers": watchers}}
-            self._ask("client/registerCapability", {"registrations": [registered | options]})
+            self._ask("client/registerCapability", WATCHING)
 
     def _set(self, settings: object) -> None:
         """Take on settings; those of a wrong type leave all as they were."""
