@@ -45,7 +45,7 @@ def place_row(row: Row, name_column: int) -> None:
     """Give each piece of a row its column: what is not `fixed` follows the piece before it, or begins a line.
 
     Args:
-        row: the row, whose lines are given.
+        row: the row, divided into lines.
         name_column: the column of its second word, at least.
     """
     levels = [_Level(row.indent)]

@@ -1,4 +1,4 @@
-"""Columns of the pieces of a file: what is aligned with each other."""
+"""Alignment: the columns of the pieces of a file."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _NAMED_TOGETHER = (
     frozenset({"input", "param", "let", "state", "next"}),
     frozenset({"when", "do"}),
 )
-"""Clauses of a declaration, the second words of which begin in one column."""
+"""Clauses of a declaration with their second words in one column."""
 
 _Member = tuple[Row, Piece]
 _Groups = dict[str, list[list[_Member]]]
@@ -77,7 +77,7 @@ def _take_as_written(rows: list[Row]) -> bool:
 
 
 class _Placement:
-    """The rows of a file, with what is aligned in neighboring rows of a kind, and in a declaration."""
+    """The rows of a file, with the pieces that may be aligned in blocks and in declarations."""
 
     def __init__(self, rows: list[Row]) -> None:
         for row in rows:

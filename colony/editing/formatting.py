@@ -2,7 +2,7 @@
 
 Kept are every token, every comment, the ends of lines, and one of several blank lines in a row.
 
-- Declarations begin at the margin, what is in their braces two spaces further. A declaration in braces that
+- Declarations begin at the margin, clauses in their braces two spaces further. A declaration in braces that
   was written in one line stays in it if it fits. In all others each clause has its line.
 - There is one space between words and around operators, none after `(` and `[` and before `)`, `]` and `,`,
   and one before a unit. The colon of a type has a space on both sides, that of a contract only behind it.
@@ -19,7 +19,7 @@ Kept are every token, every comment, the ends of lines, and one of several blank
   no other. What has no room there follows after a space; `expect` and comments after two.
 - Lines have at most 110 columns. A longer one is broken before a clause, after a comma or before the
   operator that binds least, outside of as many brackets as it can be. What follows is aligned with the
-  beginning of the expression, of the value after its `=`, or of what is in its bracket. After a `=` it is
+  beginning of the expression, of the value after its `=`, or of the content of its bracket. After a `=` it is
   indented by two spaces.
 
 The result has the tokens of the text, so it means the same, and formatting it again changes nothing.

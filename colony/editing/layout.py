@@ -30,7 +30,7 @@ class Piece:
 
     Attributes:
         kind: its terminal in the grammar.
-        text: what is written.
+        text: the token as it is written.
         start: its offset in the text.
         source_column: its column in the text.
         padding: blanks before it in the text, -1 at the beginning of a line.
@@ -296,7 +296,7 @@ def _add_between(rows: list[Row], between: list[str], level: int, block: int) ->
             rows.append(Row(BLANK, 0, block, [Line()]))
 
 
-# --- what is aligned ----------------------------------------------------------------------------------
+# --- stops --------------------------------------------------------------------------------------------
 
 _PROMISES = frozenset({"contract", "reach", "assume"})
 _ATTRIBUTES = frozenset({"BEARING", "RANGE", "DEFAULT"})
