@@ -89,11 +89,13 @@ def results(
 ) -> Iterator[Result]:
     """Yield the result of each contract in `names`, as soon as it is known.
 
-    A contract that is not proved is tried with all assumptions of the program; a proof rests on as few of
-    them as were found. The arguments are those of `_results`.
+    A contract that is not proved is tried with what limits say of `last...`, with the assumptions that are
+    declared above it, and with all of the program; a proof rests on as few of them as were found. The
+    arguments are those of `_results`.
     """
     required, world = without_assumed(program), [a.name for a in assumptions(program)]
-    if not world and not has_limits(program):
+    limited = has_limits(program)
+    if not world and not limited:
         yield from _results(required, names, options, shapes, cache, on_result, deadline, parts_after)
         return
     deadline = Deadline() if deadline is None else deadline
@@ -120,8 +122,14 @@ def results(
 
     for number, before in enumerate(left):
         name, parts = before.contract.name, parts_after + len(left) - number - 1
-        prover, result = attempt(name, world, parts)
-        needed, candidates = world, [related(program, name), *([a] for a in world)]
+        declared = [c.name for c in program.contracts]
+        above = [a for a in world if a in declared[: declared.index(name)]]
+        needed: Collection[str]
+        for needed in dict.fromkeys(map(tuple, ([], above, world) if limited else (above or world, world))):
+            prover, result = attempt(name, needed, parts)
+            if isinstance(result, Proved):
+                break
+        candidates = [related(program, name), *([a] for a in needed)]
         for i, tried in enumerate(candidates if rank(result) > rank(before) else ()):
             fewer = [a for a in needed if (a in tried if i == 0 else a not in tried)]
             if len(fewer) == len(needed):
