@@ -214,7 +214,7 @@ class Runner:
         self._monkeypatch = monkeypatch
         self._names: dict[str, Any] = {"__name__": "page"}
         self._robot: str | None = None
-        for name in ("behaviors", "maps"):
+        for name in ("behaviors", "maps", "robots"):
             shutil.copytree(ROOT / name, name)
         for name in ("examples", "tests"):
             Path(name).symlink_to(ROOT / name)

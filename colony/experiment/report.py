@@ -95,6 +95,9 @@ class Summary:
         stuck: the runs in which the robot was stuck; None if no run was long enough.
         broken: the runs in which a contract was broken, by contract.
         assumptions: the runs in which an assumption was broken, by assumption.
+        assumption_frames: the part of the frames that broke it, by assumption.
+        unmet: the part of the frames that broke any assumption.
+        unexplained: the number of contacts near which none was broken; None if the program assumes nothing.
         off_map: the runs in which the robot left the known cells of the map.
         arrived: the runs that arrived at their goal; None if there was none.
         distance_m: the distance of a run.
@@ -114,6 +117,9 @@ class Summary:
     stuck: Proportion | None
     broken: dict[str, Proportion]
     assumptions: dict[str, Proportion]
+    assumption_frames: dict[str, float]
+    unmet: float
+    unexplained: int | None
     off_map: Proportion
     arrived: Proportion | None
     distance_m: Mean
@@ -145,6 +151,11 @@ def summary_of(label: str, results: Sequence[TrialResult]) -> Summary:
         stuck=_stuck(results),
         broken={name: wilson(count, len(results)) for name, count in sorted(broken.items())},
         assumptions={name: wilson(count, len(results)) for name, count in sorted(assumptions.items())},
+        assumption_frames={
+            name: sum(r.assumptions.get(name, 0) for r in results) / frames for name in sorted(assumptions)
+        },
+        unmet=sum(r.unmet for r in results) / frames,
+        unexplained=sum(r.unexplained for r in results) if results[0].unexplained >= 0 else None,
         off_map=_proportion(results, lambda r: r.off_map_s > 0.0),
         arrived=_proportion(results, lambda r: r.arrived == 1) if results[0].arrived >= 0 else None,
         distance_m=mean_of([r.distance_mm / 1000.0 for r in results]),
@@ -285,7 +296,11 @@ def _breaches(summary: Summary) -> Iterator[tuple[str, str]]:
     for name, broken in summary.broken.items():
         yield f"contract {name}", f"BROKEN in {proportion_text(broken)}"
     for name, broken in summary.assumptions.items():
-        yield f"assumption {name}", f"broken in {proportion_text(broken)}"
+        frames = f"{100.0 * summary.assumption_frames[name]:.2f} % of the frames"
+        yield f"assumption {name}", f"broken in {proportion_text(broken)}, {frames}"
+    if summary.unexplained is not None:
+        yield "assumptions broken", f"in {100.0 * summary.unmet:.2f} % of the frames"
+        yield "contacts without a broken assumption", str(summary.unexplained)
     if not summary.broken:
         yield "contracts", "held in every frame"
 

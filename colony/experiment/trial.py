@@ -19,10 +19,14 @@ from colony.ir.program import Program
 from colony.runs.building_run import run_in_building
 from colony.runs.spec import MisuseError, RunReport, UserInterface
 from colony.runtime.frames.run_frame import RunFrame
+from colony.runtime.observe.observer import Sink
 from colony.text.diagnostics import DiagnosticError
 
 STUCK_S = 30.0
 """A robot that stays in place for this many seconds is stuck (see `LongestStay`)."""
+
+BEFORE_S, FELT_S = 2.0, 0.5
+"""Seconds before a contact in which a broken assumption counts, and seconds until the contact is felt."""
 
 PATH_SPACING = 25
 """Every so many points of a path are kept in results."""
@@ -46,7 +50,10 @@ class TrialResult:
         shares: the part of the frames in which each module commanded, by `actuator/module`.
         limits: the number of frames in which a limit cut a command, by `actuator.field`.
         breaches: the time in s at which a contract was broken first, by contract.
-        assumptions: likewise of what the program assumes.
+        assumptions: the number of frames that broke an assumption of the program, by assumption.
+        unmet: the number of frames that broke any of them.
+        unexplained: the number of contacts near which no frame broke one (`BEFORE_S`, `FELT_S`);
+            -1 without assumptions.
         remark: the first report of a device or module, or a difference between the runtime and the program.
         difference: the first frame that the reference interpreter decided differently; "" for none.
         audited: the number of frames that the reference interpreter decided.
@@ -68,7 +75,9 @@ class TrialResult:
     shares: Mapping[str, float]
     limits: Mapping[str, int]
     breaches: Mapping[str, float]
-    assumptions: Mapping[str, float]
+    assumptions: Mapping[str, int]
+    unmet: int
+    unexplained: int
     remark: str
     difference: str
     audited: int
@@ -87,7 +96,8 @@ TRIALS = ResultTable(
     columns=(
         *KEY_COLUMNS,
         *("movers", "params", "frames", "duration_s", "contacts", "distance_mm", "stay_s", "off_map_s"),
-        *("arrived", "blind", "shares", "limits", "breaches", "assumptions", "remark"),
+        *("arrived", "blind", "shares", "limits", "breaches", "assumptions"),
+        *("unmet", "unexplained", "remark"),
         *("difference", "audited"),
         *("path", "places"),
     ),
@@ -121,17 +131,18 @@ def run_trial(trial: Trial, record: str | None = None) -> TrialResult:
 
 def _run(trial: Trial, record: str | None) -> TrialResult:
     program, compiled, described = compiled_of(trial.program, trial.params)
-    blindness, reports = _Blindness(compiled), list[str]()
+    blindness, world, reports = _Blindness(compiled), _World(compiled), list[str]()
     spec = replace(trial.spec, record=record)
-    report = run_in_building(compiled, described, spec, _interface(blindness, reports.append))
+    report = run_in_building(compiled, described, spec, _interface((blindness, world), reports.append))
     difference, audited = _audit(program, record) if trial.audited and record is not None else ("", 0)
-    return _result(trial, report, blindness.frames, reports, difference, audited)
+    return _result(trial, report, blindness.frames, world, reports, difference, audited)
 
 
 def _result(
     trial: Trial,
     report: RunReport,
     blind: int,
+    world: _World,
     reports: list[str],
     difference: str,
     audited: int,
@@ -157,7 +168,9 @@ def _result(
         },
         limits={r.subject: r.frames for r in summary.records if r.kind == "limited"},
         breaches={breach.contract: breach.first_s for breach in summary.broken_contracts},
-        assumptions={breach.contract: breach.first_s for breach in summary.breaches if breach.assumed},
+        assumptions={breach.contract: breach.frames for breach in summary.breaches if breach.assumed},
+        unmet=len(world.unmet_s),
+        unexplained=sum(not world.broke_near(t_s) for t_s in report.contact_s) if world.assumed else -1,
         remark=next(iter([*summary.disagreements, *reports]), ""),
         difference=difference,
         audited=audited,
@@ -186,6 +199,26 @@ class _Blindness:
         """Do nothing: the count stays."""
 
 
+class _World:
+    """A sink that collects the times in s of the frames that break an assumption. Mutable."""
+
+    def __init__(self, compiled: Compiled) -> None:
+        self.assumed = frozenset(c.name for c in compiled.contracts if c.assumed)
+        self.unmet_s: list[float] = []
+
+    def take(self, log: RunFrame) -> None:
+        """Take the next frame."""
+        if not self.assumed.isdisjoint(log.expected.breaches):
+            self.unmet_s.append(log.frame.t_ns / 1e9)
+
+    def close(self) -> None:
+        """Do nothing: the times stay."""
+
+    def broke_near(self, contact_s: float) -> bool:
+        """Return True if an assumption was broken shortly before a contact, or as it was felt."""
+        return any(contact_s - BEFORE_S <= t_s <= contact_s + FELT_S for t_s in self.unmet_s)
+
+
 class _NoProgress:
     """A sink that shows nothing. Stateless."""
 
@@ -196,7 +229,7 @@ class _NoProgress:
         """Do nothing."""
 
 
-def _interface(blindness: _Blindness, report: Callable[[str], None]) -> UserInterface:
+def _interface(sinks: tuple[Sink, ...], report: Callable[[str], None]) -> UserInterface:
     @contextmanager
     def uninterrupted() -> Iterator[Callable[[], bool]]:
         yield lambda: False
@@ -209,7 +242,7 @@ def _interface(blindness: _Blindness, report: Callable[[str], None]) -> UserInte
         interruptible=uninterrupted,
         progress=lambda length_ns: _NoProgress(),
         operator=no_operator,
-        sinks=(blindness,),
+        sinks=sinks,
     )
 
 

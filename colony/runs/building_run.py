@@ -113,6 +113,7 @@ def run_in_building(
         path.people.points,
         tuple(path.contacts),
         path.stay.longest_s,
+        contact_s=tuple(path.contact_s),
     )
 
 
@@ -233,6 +234,7 @@ class PathSink:
         self.exit = MapExit(first_floor)
         self.stay = LongestStay()
         self.contacts: list[tuple[float, float]] = []
+        self.contact_s: list[float] = []
         self._bumps = 0
         self._paths: dict[str, DrivenPath] = {}
         self.people = PeoplePaths()
@@ -245,6 +247,7 @@ class PathSink:
         self.stay.add(t_s, pose.x_mm, pose.y_mm)
         bumps = self._world.bumps(self._robot)
         self.contacts += [(pose.x_mm, pose.y_mm)] * (bumps - self._bumps)
+        self.contact_s += [t_s] * (bumps - self._bumps)
         self._bumps = bumps
 
     def close(self) -> None:

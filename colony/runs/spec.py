@@ -135,7 +135,7 @@ class RunReport(NamedTuple):
 
     For a simulated robot it also has the floors, and the robot's true path on each floor, in mm, and the true
     paths of other robots by name, on the only floor, and those of the people on each floor. In virtual time
-    it has the robot's place in mm at each contact, too, and its longest stay in seconds (see `LongestStay`).
+    it has the place in mm and the time in s of each contact, and its longest stay in s (see `LongestStay`).
     For a shadow it has the comparison with the controller that drives the robot, if that is heard.
     """
 
@@ -148,6 +148,7 @@ class RunReport(NamedTuple):
     contacts: tuple[tuple[float, float], ...] = ()
     longest_stay_s: float = 0.0
     controller: ControllerReport | None = None
+    contact_s: tuple[float, ...] = ()
 
 
 def expect_simulable(physics: PhysicsName, body: Body, file: str) -> None:

@@ -12,10 +12,15 @@ from colony.verify.contracts.results import ProofOptions, Proved
 from colony.verify.testing.examples import run_examples
 from tests.examples.stage import ROOT
 
-BEHAVIORS = sorted((ROOT / "examples").rglob("*.colony"))
+SLOW = ("closed_loop",)
+"""The behaviors with contracts that take seconds to prove."""
+BEHAVIORS = [
+    pytest.param(path, marks=pytest.mark.long if path.stem in SLOW else (), id=path.stem)
+    for path in sorted((ROOT / "examples").rglob("*.colony"))
+]
 
 
-@pytest.mark.parametrize("path", BEHAVIORS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", BEHAVIORS)
 def test_a_behavior_is_right(path: Path) -> None:
     checked = check_file(path)
     assert checked.diagnostics == ()

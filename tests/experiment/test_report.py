@@ -25,6 +25,8 @@ GOOD = TrialResult(
     limits={},
     breaches={},
     assumptions={},
+    unmet=0,
+    unexplained=-1,
     remark="",
     difference="",
     audited=0,
@@ -64,7 +66,7 @@ def test_summary_of_runs_with_a_goal_counts_arrivals() -> None:
 
 
 def test_broken_assumptions_are_counted_and_fail_nothing() -> None:
-    results = [result(1, assumptions={"apart": 2.0}), result(2)]
+    results = [result(1, assumptions={"apart": 2}, unmet=2, unexplained=0), result(2)]
     found = summary_of("one", results)
     assert (found.assumptions["apart"].cases, found.broken, found.failed) == (1, {}, False)
     text = text_of(replace(PLAIN, programs=PLAIN.programs[:1]), results)
@@ -117,3 +119,13 @@ def test_results_come_back_from_their_file() -> None:
         for one in RESULTS:
             results.put(one)
         assert list(results.select("e", "one")) == RESULTS
+
+
+def test_report_counts_frames_that_break_assumptions_and_contacts_without_one() -> None:
+    results = [result(1, assumptions={"apart": 3}, unmet=4, unexplained=1), result(2, unexplained=0)]
+    found = summary_of("one", results)
+    assert (found.assumption_frames, found.unmet, found.unexplained) == ({"apart": 0.015}, 0.02, 1)
+    text = text_of(replace(PLAIN, programs=PLAIN.programs[:1]), results)
+    assert "broken in 1 of 2 runs (9.5 to 90.5 %), 1.50 % of the frames" in text
+    assert "contacts without a broken assumption  1" in text
+    assert "without a broken" not in text_of(replace(PLAIN, programs=PLAIN.programs[:1]), RESULTS)

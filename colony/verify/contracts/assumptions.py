@@ -4,21 +4,36 @@ An assumption is a let that is true or missing in the frames that it allows. Und
 the contract `held and now implies C`, where `now` is that they hold in this frame and `held` a state: that
 they held in all frames before. So no part of the prover knows of assumptions: a proof is one of a program
 with a state more, and a run refutes it only if no assumption is broken up to its last frame.
+
+What was sent before (`last.ACTUATOR.FIELD`) is as free as any sensor. Under assumptions it is within the
+limits of the frame before, to which arbitration holds programs and operators alike.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import z3
 
-from colony.ir.expression import Binary, Expression, StateValue, ValueOr
-from colony.ir.program import Contract, Program, State, assumptions, without_assumed
-from colony.ir.types import BOOL
+from colony.ir.expression import (
+    Binary,
+    BinaryOperation,
+    Expression,
+    Function,
+    FunctionCall,
+    MemoryCall,
+    SensorValue,
+    StateValue,
+    ValueOr,
+    subexpressions,
+)
+from colony.ir.program import Contract, Limit, Program, Sensor, State, assumptions, without_assumed
+from colony.ir.types import BOOL, Quantity
 from colony.text.diagnostics import Diagnostic, Label, error, warning
 from colony.text.wording import quoted
-from colony.verify.claims import binary, implies
+from colony.verify.claims import TRUE, all_of, any_of, binary, constant, implies, negation, value_or
 from colony.verify.contracts.candidates import HELD
 from colony.verify.contracts.results import ProofOptions
 from colony.verify.contracts.slicing import cone_of, facts, needs_of_slices, slice_of
@@ -29,12 +44,17 @@ from colony.verify.symbolic.unrolling import Unrolling
 
 
 def under(program: Program, names: Collection[str]) -> Program:
-    """Return the program with its contracts, but those that are assumed, under the assumptions `names`."""
+    """Return the program with its contracts, but those that are assumed, under the assumptions `names`.
+
+    They are also under the limits that the program's `last...` are subject to, if there are any.
+    """
     required = without_assumed(program)
     assumed = [a for a in assumptions(program) if a.name in names]
-    if not assumed:
+    limited = _limited(program)
+    if not assumed and not limited:
         return required
-    state, held = held_so_far(HELD, assumed)
+    now = (*(limit.kept for limit in limited), *(a.expression for a in assumed))
+    state, held = held_so_far(HELD, now)
     contracts = tuple(
         replace(
             c,
@@ -43,14 +63,13 @@ def under(program: Program, names: Collection[str]) -> Program:
         )
         for c in required.contracts
     )
-    return replace(required, derived=(*required.derived, state), contracts=contracts)
+    states = (state for limit in limited for state in limit.states)
+    return replace(required, derived=(*required.derived, *states, state), contracts=contracts)
 
 
-def held_so_far(name: str, assumed: Iterable[Contract]) -> tuple[State, Expression]:
-    """Return a state that remembers whether assumptions held, and the condition that they hold up to now."""
-    held: Expression = StateValue(type=BOOL, name=name)
-    for assumption in assumed:
-        held = binary(Binary.AND, held, assumption.expression)
+def held_so_far(name: str, conditions: Iterable[Expression]) -> tuple[State, Expression]:
+    """Return a state that remembers whether conditions held, and the condition that they hold up to now."""
+    held = all_of((StateValue(type=BOOL, name=name), *conditions))
     return State(name=name, type=BOOL, initial=True, next=held), held
 
 
@@ -64,6 +83,82 @@ def related(program: Program, contract: str) -> tuple[str, ...]:
             found.add(name)
             values |= left.pop(name).values
     return tuple(a.name for a in assumptions(program) if a.name in found)
+
+
+# --- limits of what was sent --------------------------------------------------------------------------
+
+
+_GREATEST = 1e100
+"""Bounds beyond it say nothing, as those that are not finite."""
+
+_CONVERSION = 1e-12
+"""Share by which a number may change where it is converted to a unit and back; some 2e-16 in fact."""
+
+
+class _Limited(NamedTuple):
+    """That a `last...` kept a limit of the frame before; `states` remember whether it applied, and where."""
+
+    kept: Expression
+    states: tuple[State, State]
+
+
+def has_limits(program: Program) -> bool:
+    """Return True if the program reads what a field with a limit was given in the frame before."""
+    return bool(_limited(program))
+
+
+def _limited(program: Program) -> list[_Limited]:
+    """Return the limits of what the program reads of the frame before.
+
+    A limit with memory of its own is left out: evaluated twice, it would be another.
+    """
+    read = {(s.sent.actuator, s.sent.of): s for s in program.robot.sensors if s.sent is not None}
+    found = []
+    for i, limit in enumerate(program.limits):
+        sensor = read.get((limit.actuator, limit.field_index))
+        parts = [limit.bound] if limit.condition is None else [limit.bound, limit.condition]
+        if sensor is None or sensor.default is None:
+            continue
+        if not any(isinstance(e, MemoryCall) for part in parts for e in subexpressions(part)):
+            found.append(_kept(i, limit, sensor))
+    return found
+
+
+def _kept(number: int, limit: Limit, sensor: Sensor) -> _Limited:
+    """Return that `sensor`, converted to its unit and back, kept `limit` in the frame before.
+
+    The idle command and a standstill go out whatever the limits. A bound that is not finite says nothing.
+    """
+    type_ = limit.bound.type
+    assert isinstance(type_, Quantity)
+    magnitude = FunctionCall(type=type_, function=Function.ABS, arguments=(limit.bound,))
+    is_finite = binary(Binary.LESS, magnitude, constant(_GREATEST, type_))
+    asked = is_finite if limit.condition is None else binary(Binary.AND, limit.condition, is_finite)
+    applied = State(name=f"limit {number} applied", type=BOOL, initial=False, next=value_or(asked, TRUE))
+    standing = constant(float(sensor.default or 0.0), type_)
+    bound = State(
+        name=f"limit {number}",
+        type=type_,
+        initial=float(sensor.default or 0.0),
+        next=value_or(limit.bound, standing),
+    )
+    field = SensorValue(type=type_, name=sensor.name)
+    is_upper = limit.relation == "<="
+    before = StateValue(type=type_, name=bound.name)
+    edges = tuple(
+        BinaryOperation(type=type_, operator=Binary.MULTIPLY, left=before, right=constant(factor, Quantity()))
+        for factor in (1 - _CONVERSION, 1 + _CONVERSION)
+    )
+    edge = FunctionCall(type=type_, function=Function.MAX if is_upper else Function.MIN, arguments=edges)
+    kept = any_of(
+        (
+            negation(StateValue(type=BOOL, name=applied.name)),
+            binary(Binary.LESS_EQUAL if is_upper else Binary.GREATER_EQUAL, field, edge),
+            binary(Binary.EQUAL, field, standing),
+            binary(Binary.EQUAL, field, constant(0.0, type_)),
+        )
+    )
+    return _Limited(kept, (applied, bound))
 
 
 # --- assumptions that cannot be met -------------------------------------------------------------------

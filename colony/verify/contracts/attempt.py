@@ -250,6 +250,7 @@ class ProofContext:
         self.claims = {claim.name: claim for claim in system.claims}
         self.cones = _Cones(system, self.claims)
         self._proved: list[ContractFormula] = []
+        self._elsewhere: set[str] = set()
         self._invariants: dict[frozenset[int], tuple[Candidate, ...]] = {}
         self._searched: set[frozenset[int]] = set()
 
@@ -264,11 +265,19 @@ class ProofContext:
 
     def record_proof(self, contract: str) -> None:
         """Record that a contract holds in every frame."""
-        self._proved.append(self.claims[contract])
+        self._elsewhere.discard(contract)
+        if not self.has_proved(contract):
+            self._proved.append(self.claims[contract])
+
+    def record_lemma(self, contract: str) -> None:
+        """Record that a contract holds in every frame, by a proof in another encoding."""
+        if contract in self.claims and not self.has_proved(contract) and contract not in self._elsewhere:
+            self._elsewhere.add(contract)
+            self._proved.append(self.claims[contract])
 
     def has_proved(self, contract: str) -> bool:
-        """Return True if a contract is known to hold in every frame."""
-        return any(claim.name == contract for claim in self._proved)
+        """Return True if a contract is proved in this encoding to hold in every frame."""
+        return contract not in self._elsewhere and any(c.name == contract for c in self._proved)
 
     def adopt(self, other: ProofContext) -> None:
         """Take over the cones and invariants found in a context whose system this one's extends."""

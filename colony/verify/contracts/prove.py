@@ -19,7 +19,7 @@ from dataclasses import replace
 from functools import cached_property
 
 from colony.ir.program import Contract, Program, assumptions, without_assumed
-from colony.verify.contracts.assumptions import related, under
+from colony.verify.contracts.assumptions import has_limits, related, under
 from colony.verify.contracts.attempt import Attempt, Proof, ProofContext
 from colony.verify.contracts.candidates import Candidate, for_floats, invariants
 from colony.verify.contracts.concrete_runs import LongRuns, Replay, evaluations
@@ -89,16 +89,19 @@ def results(
 ) -> Iterator[Result]:
     """Yield the result of each contract in `names`, as soon as it is known.
 
-    A contract that is not proved is tried with all assumptions of the program; a proof rests on as few of
-    them as were found. The arguments are those of `_results`.
+    A contract that is not proved is tried with what limits say of `last...`, with the assumptions that are
+    declared above it, and with all of the program; a proof rests on as few of them as were found. The
+    arguments are those of `_results`.
     """
     required, world = without_assumed(program), [a.name for a in assumptions(program)]
-    if not world:
+    limited = has_limits(program)
+    if not world and not limited:
         yield from _results(required, names, options, shapes, cache, on_result, deadline, parts_after)
         return
     deadline = Deadline() if deadline is None else deadline
     own_cache = None if cache is None else cache.about(required, names)
     proved, left = list[Result](), list[Result]()
+    resting: list[tuple[Proved, Collection[str]]] = []  # proofs with the assumptions that they rest on
     later = parts_after + len(names)
     for result in _results(required, names, options, shapes, own_cache, on_result, deadline, later):
         (proved if isinstance(result, Proved) else left).append(result)
@@ -107,19 +110,26 @@ def results(
 
     def attempt(name: str, assuming: Collection[str], parts: int) -> tuple[ContractProver | None, Result]:
         """Return the result of a contract under some assumptions, with its prover if it was not known."""
-        made, asked = under(program, assuming), [*(r.contract.name for r in proved), name]
+        helpful = [*proved, *(r for r, needed in resting if set(needed) <= set(assuming))]
+        made, asked = under(program, assuming), [*(r.contract.name for r in helpful), name]
         own_cache = None if cache is None else cache.about(made, asked)
         provers: list[ContractProver] = []
         found = _results(
-            made, asked, options, None, own_cache, lambda p, _: provers.append(p), deadline, parts, proved
+            made, asked, options, None, own_cache, lambda p, _: provers.append(p), deadline, parts, helpful
         )
         *_, result = (r for r in found if r.contract.name == name)
         return (provers[-1] if provers else None), explained(required, result)
 
     for number, before in enumerate(left):
         name, parts = before.contract.name, parts_after + len(left) - number - 1
-        prover, result = attempt(name, world, parts)
-        needed, candidates = world, [related(program, name), *([a] for a in world)]
+        declared = [c.name for c in program.contracts]
+        above = [a for a in world if a in declared[: declared.index(name)]]
+        needed: Collection[str]
+        for needed in dict.fromkeys(map(tuple, ([], above, world) if limited else (above or world, world))):
+            prover, result = attempt(name, needed, parts)
+            if isinstance(result, Proved):
+                break
+        candidates = [related(program, name), *([a] for a in needed)]
         for i, tried in enumerate(candidates if rank(result) > rank(before) else ()):
             fewer = [a for a in needed if (a in tried if i == 0 else a not in tried)]
             if len(fewer) == len(needed):
@@ -131,6 +141,8 @@ def results(
             result = before
         elif prover is not None and on_result is not None:
             on_result(prover, result)
+        if isinstance(result, Proved):
+            resting.append((result, needed))
         yield result
 
 
@@ -273,12 +285,26 @@ class ContractProver:
     @cached_property
     def _general(self) -> ProofContext:
         self._begin_encoding("encoding any rounding")
-        return ProofContext(generalize(self._usual.system))
+        return self._with_float_lemmas(ProofContext(generalize(self._usual.system)))
 
     @cached_property
     def _close(self) -> ProofContext:
         self._begin_encoding("encoding close rounding")
-        return ProofContext(generalize(self._usual.system, close=True))
+        return self._with_float_lemmas(ProofContext(generalize(self._usual.system, close=True)))
+
+    def _with_float_lemmas(self, context: ProofContext) -> ProofContext:
+        """Return a context of floats that knows what is proved for them."""
+        for name, over_reals in self._over_reals.items():
+            if not over_reals:
+                context.record_lemma(name)
+        return context
+
+    def _record_over_reals(self, name: str, over_reals: tuple[Reason, ...]) -> None:
+        """Record where the proof of a contract has reals for floats; without any, it is one of floats."""
+        self._over_reals[name] = over_reals
+        for context in (vars(self).get("_general"), vars(self).get("_close")):
+            if context is not None and not over_reals:
+                context.record_lemma(name)
 
     def _begin_encoding(self, stage: str) -> None:
         self._deadline.begin_stage(stage)
@@ -302,7 +328,8 @@ class ContractProver:
             return
         proved = result if isinstance(result, Proved) else result.in_time
         name = proved.contract.name
-        self._results[name], self._over_reals[name] = proved, proved.over_reals
+        self._results[name] = proved
+        self._record_over_reals(name, proved.over_reals)
         self._known_results.append(result)
         if "_usual" in vars(self):
             self._usual.record_proof(name)
@@ -420,7 +447,7 @@ class ContractProver:
         self, contract: Contract, context: ProofContext, proof: Proof, rounding: tuple[Reason, ...]
     ) -> Proved:
         """Record a contract as proved."""
-        self._over_reals[contract.name] = rounding
+        self._record_over_reals(contract.name, rounding)
         for proof_context in dict.fromkeys((self._usual, context)):
             proof_context.record_proof(contract.name)
         result = Proved(contract=contract, k=proof.k, invariants=proof.conditions_used, over_reals=rounding)

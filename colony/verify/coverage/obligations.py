@@ -109,7 +109,7 @@ class CoveragePlan:
     @cached_property
     def _held(self) -> dict[str, tuple[State, Expression]]:
         """By assumption, the state that remembers whether it held, and that it holds up to now."""
-        return {a.name: held_so_far(f"{HELD} {a.name}", [a]) for a in assumptions(self.program)}
+        return {a.name: held_so_far(f"{HELD} {a.name}", [a.expression]) for a in assumptions(self.program)}
 
     @cached_property
     def watching(self) -> Program:

@@ -90,6 +90,44 @@ contract always: value_or(far <= 10 m, true)
     assert found["always"] == ()
 
 
+LIMITED = {
+    "always": ("limit drive.velocity <= 0.3 m/s", "last.drive.velocity < 0.31 m/s", True),
+    "wider": ("limit drive.velocity <= 0.3 m/s", "last.drive.velocity < 0.29 m/s", False),
+    "from below": ("limit drive.velocity >= -0.3 m/s", "last.drive.velocity > -0.31 m/s", True),
+    "what was read": ("limit drive.velocity <= far / 10 s", "last.drive.velocity <= 0.01 m/s or known", True),
+    "missing": (
+        "limit drive.velocity <= far / 10 s",
+        "previous(fresh(far), true) or last.drive.velocity <= 0",
+        True,
+    ),
+    "under a condition": (
+        "limit drive.velocity <= 0.3 m/s when bump",
+        "previous(value_or(bump, true), false) implies last.drive.velocity < 0.31 m/s",
+        True,
+    ),
+    "outside of the condition": (
+        "limit drive.velocity <= 0.3 m/s when bump",
+        "last.drive.velocity < 0.31 m/s",
+        False,
+    ),
+    "an infinite bound": ("limit drive.velocity <= x * 1 m/s", "last.drive.velocity < 0.31 m/s", False),
+    "a bound with memory": (
+        "limit drive.velocity <= previous(0.3 m/s, 0.3 m/s)",
+        "last.drive.velocity < 0.31 m/s",
+        False,
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LIMITED)
+def test_what_was_sent_kept_the_limits_of_the_frame_before(case: str) -> None:
+    limit, claim, holds = LIMITED[case]
+    known = "let known = previous(value_or(far > 0.05 m, false), true)"
+    result = verdict(f"{limit}\n{known}\ncontract c: previous(true, false) implies ({claim})")
+    assert isinstance(result, Proved if holds else Refuted), result
+    assert not holds or (result.contract.assuming == () and result.operators)
+
+
 def test_late_clients_and_operators_are_assumed_nothing_of() -> None:
     text = (
         TWO
