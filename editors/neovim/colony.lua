@@ -1,11 +1,13 @@
 -- ~/.config/nvim/plugin/colony.lua: files of the Colony language, with `colony lsp`.
-vim.filetype.add({ extension = { colony = "colony" } })
+vim.api.nvim_create_autocmd({ "BufRead", "BufNewFile" }, { pattern = "*.colony", command = "setfiletype colony" })
 vim.api.nvim_create_autocmd("FileType", {
   pattern = "colony",
   callback = function(event)
     vim.bo.commentstring, vim.bo.shiftwidth, vim.bo.expandtab = "# %s", 2, true
-    local found = vim.fs.find({ "colony.toml", ".git" }, { upward = true, path = vim.fs.dirname(event.file) })
-    local root = found[1] and vim.fs.dirname(found[1]) or vim.fn.getcwd()
-    vim.lsp.start({ name = "colony", cmd = { "colony", "lsp" }, root_dir = root })
+    local project = vim.fn.findfile("colony.toml", vim.fn.expand("%:p:h") .. ";")
+    local root = project ~= "" and vim.fn.fnamemodify(project, ":p:h") or vim.fn.getcwd()
+    local server = { name = "colony", cmd = { "colony", "lsp" }, root_dir = root }
+    if vim.lsp.start then vim.lsp.start(server) -- before Neovim 0.8 each file has a server of its own
+    else vim.lsp.buf_attach_client(event.buf, vim.lsp.start_client(server)) end
   end,
 })

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -12,14 +13,12 @@ import pytest
 
 from tests.editing.project import Project
 
+_PLUGIN = Path(__file__).parents[2] / "editors" / "neovim" / "colony.lua"
+
 _SCRIPT = """
 local function fail(what) print("FAILED " .. what); vim.cmd("cquit 1") end
 vim.cmd("edit patrol.colony")
-local id = vim.lsp.start_client({
-  name = "colony", cmd = COMMAND, root_dir = vim.fn.getcwd(),
-  capabilities = vim.lsp.protocol.make_client_capabilities(),
-})
-vim.lsp.buf_attach_client(0, id)
+local id
 local buffer = vim.api.nvim_get_current_buf()
 local function wait(what, f) if not vim.wait(60000, f, 20) then fail(what) end end
 local function ask(method, params)
@@ -33,7 +32,8 @@ local function at(text)
   local document = vim.lsp.util.make_text_document_params(buffer)
   return { textDocument = document, position = { line = line, character = column } }
 end
-wait("start", function() return vim.lsp.get_client_by_id(id).initialized end)
+wait("start", function() return next(vim.lsp.buf_get_clients(0)) ~= nil end)
+id = next(vim.lsp.buf_get_clients(0))
 local out = {}
 out.hover = ask("textDocument/hover", at("ahead =")).contents.value
 vim.fn.search("when close", "w")
@@ -66,13 +66,13 @@ vim.cmd("qall!")
 @pytest.mark.skipif(shutil.which("nvim") is None, reason="needs neovim")
 def test_neovim_edits_with_the_server(tmp_path: Path) -> None:
     project = Project(tmp_path)
-    command = [sys.executable, "-m", "colony.cli.main", "lsp"]
-    listed = "{" + ", ".join(json.dumps(word) for word in command) + "}"
     script = tmp_path / "drive.lua"
-    script.write_text(_SCRIPT.replace("COMMAND", listed))
+    script.write_text(_SCRIPT)
+    commands = Path(sys.executable).parent
     done = subprocess.run(
-        ["nvim", "--headless", "--clean", "-n", "-c", f"luafile {script}"],
+        ["nvim", "--headless", "--clean", "-n", "-c", f"luafile {_PLUGIN}", "-c", f"luafile {script}"],
         cwd=project.folder,
+        env={**os.environ, "PATH": f"{commands}{os.pathsep}{os.environ['PATH']}"},
         capture_output=True,
         text=True,
         check=False,
