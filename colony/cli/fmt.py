@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from difflib import unified_diff
+from io import StringIO
 from pathlib import Path
 
 import click
@@ -58,8 +59,7 @@ def command(paths: tuple[str, ...], check: bool, diff: bool) -> None:
             continue
         differs = differs or result != text
         if diff:
-            lines = unified_diff(text.splitlines(True), result.splitlines(True), name, f"{name} (formatted)")
-            click.echo("".join(lines), nl=False)
+            click.echo("".join(_difference(text, result, name)), nl=False)
         elif path == _STDIN and not check:
             click.echo(result, nl=False)
         elif result != text:
@@ -70,6 +70,13 @@ def command(paths: tuple[str, ...], check: bool, diff: bool) -> None:
         raise click.exceptions.Exit(EXIT_MISUSE)
     if differs and (check or diff):
         raise click.exceptions.Exit(EXIT_ERRORS)
+
+
+def _difference(text: str, result: str, name: str) -> Iterator[str]:
+    """Yield the lines of a unified difference, as `patch` reads it."""
+    before, after = (list(StringIO(x, newline="\n")) for x in (text, result))
+    for line in unified_diff(before, after, name, f"{name} (formatted)"):
+        yield line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
 
 
 def _files(paths: tuple[str, ...]) -> Iterator[str]:

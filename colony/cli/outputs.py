@@ -47,6 +47,8 @@ map_option = click.option("--map", "map_path", metavar="MAP", type=MAP, help=f"T
 DESCRIPTORS = (Path("/dev"), Path("/dev/fd"), Path("/proc/self/fd"))
 """Folders of devices and of this process's open files. Pipes elsewhere may never get a reader."""
 
+_STANDARD = {"/dev/stdout": "1", "/dev/stderr": "2"}
+
 SOURCES = (".colony", ".stickrep", ".yaml")
 """Suffixes of source files, which no command overwrites."""
 
@@ -126,12 +128,18 @@ def write_to(path: Path) -> Iterator[BinaryIO]:
     except (OSError, RuntimeError, ValueError) as problem:
         cannot_write(path, reason(problem))
     try:
-        with path.open("wb") if in_place else _replacement(target) as file:
+        with _in_place(path) if in_place else _replacement(target) as file:
             yield file
     except BrokenPipeError:
         raise
     except OSError as problem:
         cannot_write(path, reason(problem))
+
+
+def _in_place(path: Path) -> BinaryIO:
+    """Open a device, or an open file of this process where it stands: opened anew, it would be cut off."""
+    descriptor = _STANDARD.get(str(path), path.name if path.parent in DESCRIPTORS[1:] else "")
+    return os.fdopen(os.dup(int(descriptor)), "wb") if descriptor.isdecimal() else path.open("wb")
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """The one style of `.colony` files: the same tokens in the same lines, with other blanks.
 
-Kept are every token, every comment, the ends of lines, and one of several blank lines in a row.
+Kept are every token, every comment, the ends of lines (LF where they are mixed), and one of several blank
+lines in a row.
 
 - Declarations begin at the margin, clauses in their braces two spaces further. A declaration in braces that
   was written in one line stays in it if it fits. In all others each clause has its line.
@@ -51,7 +52,9 @@ def formatted(text: str, path: str) -> str:
         tree, tokens = parse_with_tokens(Source(path, text))
         rows = rows_of(text, tree, tokens)
         place(rows)
-        return "".join(_written(rows))
+        result = "".join(_written(rows))
+    ends_in_crlf = 0 < text.count("\n") == text.count("\r\n")
+    return result.replace("\n", "\r\n") if ends_in_crlf else result
 
 
 def _written(rows: list[Row]) -> Iterator[str]:

@@ -25,13 +25,22 @@ UNMET = ("refuted", "never_reached")
 """The verdicts that show that it is not met; with any other it is open."""
 
 
+class RequiredContract(NamedTuple):
+    """A contract of a requirement; `assuming` names the assumptions that its verdict rests on."""
+
+    name: str
+    verdict: str
+    assuming: tuple[str, ...]
+    in_time: bool
+
+
 class Requirement(NamedTuple):
-    """A requirement, its text ("" if there is none), and the names of its contracts with their verdicts."""
+    """A requirement, its text ("" if there is none), and its contracts."""
 
     id: str
     text: str
     status: Status
-    contracts: tuple[tuple[str, str], ...]
+    contracts: tuple[RequiredContract, ...]
 
 
 class RequirementTable(NamedTuple):
@@ -85,10 +94,12 @@ def requirements_of(texts: Mapping[str, str] | None, results: Iterable[Result]) 
         texts: the table; None without one, and then no text is expected.
         results: the results of all contracts.
     """
-    contracts: dict[str, list[tuple[str, str]]] = {}
+    contracts: dict[str, list[RequiredContract]] = {}
     for result in results:
-        for id_ in dict.fromkeys(result.contract.requirements):
-            contracts.setdefault(id_, []).append((result.contract.name, counted_as(result)))
+        asked = result.contract
+        for id_ in dict.fromkeys(asked.requirements):
+            found = RequiredContract(asked.name, counted_as(result), asked.assuming, asked.in_time)
+            contracts.setdefault(id_, []).append(found)
     ids = [*(texts or ()), *sorted(contracts.keys() - (texts or {}).keys())]
     return tuple(
         Requirement(
@@ -101,8 +112,8 @@ def requirements_of(texts: Mapping[str, str] | None, results: Iterable[Result]) 
     )
 
 
-def _status(contracts: Iterable[tuple[str, str]], *, has_text: bool) -> Status:
-    verdicts = {verdict for _, verdict in contracts}
+def _status(contracts: Iterable[RequiredContract], *, has_text: bool) -> Status:
+    verdicts = {contract.verdict for contract in contracts}
     if not has_text:
         return "without text"
     if not verdicts:

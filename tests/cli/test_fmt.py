@@ -62,3 +62,23 @@ def test_a_file_with_errors_stays_and_the_others_are_formatted(colony: Colony, f
     assert "broken.colony:1:7: error[E005]: found the end of the file, expected an expression" in err
     assert (folder / "broken.colony").read_text() == BROKEN
     assert "cannot read `none.colony`" in colony.one_line("fmt", "none.colony")
+
+
+def test_a_file_keeps_the_ends_of_its_lines(colony: Colony, folder: Path) -> None:
+    file = folder / "tidy.colony"
+    file.write_bytes(UNTIDY.replace("\n", "\r\n").encode())
+    assert colony("fmt", "tidy.colony") == (0, "tidy.colony: formatted\n", "")
+    assert file.read_bytes() == TIDY.replace("\n", "\r\n").encode()
+    assert colony("fmt", "--check", "tidy.colony").code == 0
+
+
+def test_a_difference_is_one_that_patch_reads(colony: Colony, folder: Path) -> None:
+    (folder / "tidy.colony").write_text("# a\x0cb\u2028c\nparam a=1", encoding="utf-8")
+    _, out, _ = colony("fmt", "--diff", "tidy.colony")
+    assert out.split("\n")[3:] == [
+        " # a\x0cb\u2028c",
+        "-param a=1",
+        "\\ No newline at end of file",
+        "+param a = 1",
+        "",
+    ]

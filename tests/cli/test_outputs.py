@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from pathlib import Path
 
 import click
@@ -155,3 +157,16 @@ def test_two_runs_do_not_record_into_one_file(tmp_path: Path) -> None:
     with open_exclusive(path) as second:
         second.write(b"2")
     assert Path(path).read_bytes() == b"2"
+
+
+def test_standard_output_goes_on_where_it_stands(tmp_path: Path) -> None:
+    code = (
+        "from pathlib import Path; from colony.cli.outputs import write_whole; "
+        "write_whole(Path('/dev/stdout'), 'b')"
+    )
+    with (tmp_path / "out").open("wb") as file:
+        file.write(b"a")
+        file.flush()
+        subprocess.run([sys.executable, "-c", code], stdout=file, check=True)
+        file.write(b"c")
+    assert (tmp_path / "out").read_bytes() == b"abc"

@@ -81,7 +81,7 @@ def write_report(
     write_whole(folder / "index.html", _html(found))
     open_ = [requirement for requirement in requirements if requirement.status != "met"]
     for requirement in open_:
-        contracts = ", ".join(f"{name} {verdict}" for name, verdict in requirement.contracts)
+        contracts = ", ".join(f"{c.name} {c.verdict}" for c in requirement.contracts)
         text = f"requirement {requirement.id}: {requirement.status}{contracts and f' ({contracts})'}"
         click.echo(text, err=on_stderr)
     met = len(requirements) - len(open_)
@@ -112,8 +112,18 @@ def _report(
         "requirements": [
             {
                 **each._asdict(),
-                "contracts": [{"contract": n, "verdict": v} for n, v in each.contracts],
-                "coverage": _counted([c.of_contracts(n for n, _ in each.contracts) for c in covered]),
+                "contracts": [
+                    {
+                        "contract": c.name,
+                        "verdict": c.verdict,
+                        "assuming": list(c.assuming),
+                        "in_time": c.in_time,
+                    }
+                    for c in each.contracts
+                ],
+                "coverage": _counted(
+                    [c.of_contracts(required.name for required in each.contracts) for c in covered]
+                ),
             }
             for each in requirements
         ],
@@ -214,13 +224,20 @@ _GOOD = ("met", "passed", *MET)
 _BAD = ("unmet", "open", "unknown", "over_reals", "failed", "without contracts", "without text", *UNMET)
 
 
+def _rests(contract: dict[str, Any]) -> str:
+    """Return the name of a contract, with what its verdict rests on."""
+    rests = [f"assuming {', '.join(contract['assuming'])}"] if contract["assuming"] else []
+    rests += ["in time"] if contract["in_time"] else []
+    return f"{contract['contract']} ({'; '.join(rests)})" if rests else str(contract["contract"])
+
+
 def _html(found: dict[str, Any]) -> str:
     requirements = [
         (
             each["id"],
             each["text"],
             each["status"],
-            ", ".join(c["contract"] for c in each["contracts"]) or "–",
+            ", ".join(map(_rests, each["contracts"])) or "–",
             _share(each["coverage"]) if each["contracts"] else "–",
         )
         for each in found["requirements"]

@@ -5,7 +5,8 @@ changed: modules, limits and derived values read a let in the place of the senso
 sensor is, and contracts read copies of the lets of files that are computed from the sensor itself. States,
 machines, and members of modules are those of the program. Readings are
 
-- **wrong** by at most E: each number is `true + e` within the sensor's range, with free `e` in -E .. E;
+- **wrong** by at most E: each number is `true + e` within the sensor's range, with free `e` in -E .. E; an
+  angle with a range of a full circle goes around it;
 - **late** by up to N: any of the present reading and the N before it, in each frame;
 - **rare**: the sensor is read at least every N-th time, and stands in between.
 
@@ -29,6 +30,7 @@ from colony.ir.program import Contract, Derived, Let, Program, Sensor, State, as
 from colony.ir.types import BOOL, DIMENSIONLESS, Quantity, ScalarValue, any_value, element_type
 from colony.ir.walk import all_subexpressions
 from colony.record import Record
+from colony.text.units import ANGLE
 from colony.text.wording import counted
 from colony.verify.claims import TRUE, all_of, any_of, binary, constant, fresh, present
 from colony.verify.contracts.assumptions import under
@@ -162,7 +164,7 @@ class _MarginSearch:
         sensor = self._sensor
         span = None if sensor.low is None or sensor.high is None else sensor.high - sensor.low
         if high is None:
-            largest = _LARGE * sensor.factor if span is None else span
+            largest = _LARGE * sensor.factor if span is None else span / 2 if _is_circle(sensor) else span
             return largest if low < largest else None
         if high - low <= max(_CLOSE * high, _LEAST * (sensor.factor if span is None else span)):
             return None
@@ -283,10 +285,30 @@ def _with_errors(program: Program, sensor: Sensor, largest: float) -> Program:
         low = -sys.float_info.max if sensor.low is None else sensor.low
         high = sys.float_info.max if sensor.high is None else sensor.high
         limits = (constant(low, element), constant(high, element))
+        if _is_circle(sensor):
+            seen = _around(seen, limits, constant(high - low, element))
         seen = ir.FunctionCall(type=sensor.type, function=ir.Function.CLAMP, arguments=(seen, *limits))
     if sensor.default is not None:  # which has no error
         seen = ir.Conditional(type=sensor.type, condition=fresh(sensor.name), yes=seen, no=true)
     return _with_seen(program, sensor, seen, [error], [])
+
+
+def _is_circle(sensor: Sensor) -> bool:
+    """Return True if the range of a sensor is a full circle, whose ends are one direction."""
+    is_angle = isinstance(sensor.type, Quantity) and sensor.type.dimension == ANGLE
+    span = None if sensor.low is None or sensor.high is None else sensor.high - sensor.low
+    return is_angle and span is not None and math.isclose(span, 360.0, rel_tol=1e-9)
+
+
+def _around(angle: Expression, limits: tuple[Expression, Expression], circle: Expression) -> Expression:
+    """Return an angle that is beyond an end of its range by less than a circle, on its other side."""
+    for limit, beyond, back in zip(
+        limits, (Binary.LESS, Binary.GREATER), (Binary.ADD, Binary.SUBTRACT), strict=True
+    ):
+        moved = ir.BinaryOperation(type=angle.type, operator=back, left=angle, right=circle)
+        condition = binary(beyond, angle, limit)
+        angle = ir.Conditional(type=angle.type, condition=condition, yes=moved, no=angle)
+    return angle
 
 
 def _skipping(sensor: Sensor, name: str, skipped: Expression, every: float) -> Iterator[Derived]:

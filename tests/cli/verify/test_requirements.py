@@ -55,6 +55,17 @@ def test_the_report_says_which_requirements_are_met(colony: Colony, behavior: Pa
     assert str(tmp_path) not in html
 
 
+def test_the_report_says_what_a_verdict_rests_on(colony: Colony, behavior: Path, tmp_path: Path) -> None:
+    calm = 'assume calm: not bumper\ncontract stays requirement "SR-8": value_or(not bumper, true)\n'
+    behavior.write_text(behavior.read_text() + calm)
+    colony("verify", behavior, "--report", tmp_path)
+    (required,) = json.loads((tmp_path / "report.json").read_text())["requirements"]
+    assert required["contracts"] == [
+        {"contract": "stays", "verdict": "proved", "assuming": ["calm"], "in_time": False}
+    ]
+    assert "stays (assuming calm)" in (tmp_path / "index.html").read_text()
+
+
 def test_what_the_table_lacks_is_not_met(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     behavior.write_text(behavior.read_text() + 'contract fine requirement "SR-7": true\n')
     assert colony("verify", behavior, "--report", tmp_path / "without").code == 0

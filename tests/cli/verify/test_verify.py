@@ -68,7 +68,17 @@ def test_nothing_is_said_twice(colony: Colony, behavior: Path) -> None:
 
 def test_a_test_is_written_as_soon_as_its_run_is_found(behavior: Path) -> None:
     verified = load(str(add(behavior, FALSE, LONG)), write_test=True)
-    work = Work(names=(), why=(), depth=1, timeout=None, certificates=None, examples=0, seed=0, faults=False)
+    work = Work(
+        names=(),
+        why=(),
+        depth=1,
+        timeout=None,
+        certificates=None,
+        examples=0,
+        seed=0,
+        faults=False,
+        margin=False,
+    )
     next(work.run(verified, lambda completed, total, current: None))
     assert 'test "quick' in behavior.read_text() or "quick" in behavior.read_text().split(FALSE)[1]
 

@@ -154,3 +154,23 @@ def test_margins_are_those_of_runs_that_meet_the_assumptions() -> None:
     found = list(margins(program, list(prove_contracts(program)), ProofOptions(), Deadline()))
     assert {m.sensor.name for m in found} == {"range"}
     assert {m.contract.assuming for m in found} == {("dry",)}
+
+
+def test_an_angle_of_a_full_circle_goes_around_it() -> None:
+    program = load_text(
+        """
+robot r {
+  frame 50 ms
+  sensor heading : deg range 0 .. 360 from RServer.heading within 300 ms
+  actuator drive { velocity : mm/s range 0 .. 400 } to RServer.drive idle drive(velocity = 0)
+}
+module north { when heading < 10 deg do drive(velocity = 50 mm/s) }
+module other { when true do drive(velocity = 200 mm/s) }
+network { drive = north suppresses other }
+contract keeps: value_or(heading in 330 deg .. 340 deg, false) implies drive.velocity >= 100 mm/s
+"""
+    )
+    found = margins(program, list(prove_contracts(program)), ProofOptions(), Deadline())
+    margin = next(m for m in found if m.kind == "wrong")
+    assert margin.proved <= 20 <= (margin.refuted or 0)
+    assert margin.proved > 15
