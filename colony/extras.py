@@ -16,6 +16,7 @@ EXTRAS = {
     "drivers": ("serial",),
     "bags": ("rosbags",),
     "watch": ("starlette", "uvicorn", "websockets"),
+    "native": ("cffi", "pycparser"),
     "dask": ("distributed",),
 }
 """The modules that each extra installs."""

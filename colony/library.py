@@ -16,6 +16,7 @@ from colony.text.source import NOWHERE
 
 if TYPE_CHECKING:
     from colony.analysis.report import AuditReport
+    from colony.compile.backends.c.generate import CText
     from colony.compile.pipeline import Compilation
     from colony.dsl.site import SiteParams
     from colony.execute.checked import CheckedExecutor
@@ -171,6 +172,18 @@ class CompiledProgram:
 
         return generate(self.compiled)
 
+    def to_c(self, name: str = "") -> CText:
+        """Return a header and a source in C99, called `name`, by default like the robot.
+
+        Its `executor()` compiles them and steps them as `executor` does.
+
+        Raises:
+            DiagnosticError: C002, the program has a module in Python.
+        """
+        from colony.compile.backends.c.generate import generate_c
+
+        return generate_c(self.compiled, name)
+
     def executor(self) -> CheckedExecutor:
         """Return an executor with initial memory, whose `step` takes one frame after another.
 
@@ -204,6 +217,10 @@ class Build:
     def to_python(self) -> str:
         """Return the source of a Python module; see `CompiledProgram.to_python`."""
         return CompiledProgram(self.compilation.compiled).to_python()
+
+    def to_c(self, name: str = "") -> CText:
+        """Return the program in C; see `CompiledProgram.to_c`."""
+        return CompiledProgram(self.compilation.compiled).to_c(name)
 
     def graph(self) -> str:
         """Return the network as an SVG picture."""

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, assert_never
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.outputs import BEHAVIOR, check_output, output_option, write_whole
+from colony.cli.outputs import BEHAVIOR, cannot_write, check_output, write_whole
 from colony.cli.params_choice import chosen_params, params_option
-from colony.cli.reporting import check_to_run, report, say
+from colony.cli.reporting import check_to_run, refuse, report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.verify.prover_options import COUNTED, ProverSeconds
 from colony.extras import expect_extras, install_command, installed
@@ -41,12 +41,19 @@ CLIENTS_BYTES = 64 * 1024 * 1024
 @click.option(
     "--format",
     "format_",
-    type=click.Choice(["table", "json", "python"]),
+    type=click.Choice(["table", "json", "python", "c"]),
     default="table",
     show_default=True,
-    help="A table for people, JSON for programs, or a Python class that does not depend on colony.",
+    help="A table for people, JSON for programs, a Python class that does not depend on colony, or a header "
+    "and a source in C99, which need -o FOLDER.",
 )
-@output_option
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="PATH",
+    help="The output file, or for C the folder of NAME.h and NAME.c. [default: standard output]",
+)
 @click.option(
     "--no-proof", is_flag=True, help="Do not prove that the clients are equivalent to the network of FILE."
 )
@@ -86,6 +93,7 @@ def command(
       colony compile wander
       colony compile --explain figure_4_14
       colony compile --format python wander -o wander.py
+      colony compile --format c wander -o firmware
       colony compile wander -o wander.colonyc
       colony compile --prove wander.py wander
 
@@ -106,7 +114,10 @@ def command(
         if output.suffix == SUFFIX and (explain or format_ != "table"):
             message = f"a {SUFFIX} file has its own format; leave out --format and --explain"
             raise click.UsageError(message, click.get_current_context())
-        check_output(output, [file])
+        if format_ != "c":
+            check_output(output, [file])
+    if format_ == "c":
+        output = _c_folder(output, file, no_proof)
 
     compilation = compile_file(file)
     program = compilation.program
@@ -115,6 +126,10 @@ def command(
         with reliable_interrupts():
             result = _proof_of(existing, program, compilation, seconds)
         _report_proof(result, program, clients_file=existing)
+        return
+    if format_ == "c":
+        assert output is not None
+        _write_c(compilation, file, output, seconds, no_proof)
         return
     text = _text(compilation, format_, explain)
     if explain:
@@ -129,6 +144,49 @@ def command(
         click.echo(text, nl=False)
     else:
         write_whole(output, encode(_proved(compilation, file, no_proof)) if output.suffix == SUFFIX else text)
+
+
+def _c_folder(folder: Path | None, file: str, no_proof: bool) -> Path:
+    """Check the folder of C, and what its proof needs, before the work begins."""
+    if folder is None:
+        message = "--format c requires -o FOLDER, since it writes two files"
+        raise click.UsageError(message, click.get_current_context())
+    if not no_proof:
+        expect_extras("native")
+    for path in _c_files(folder, file) if folder.exists() else [folder]:
+        check_output(path, [file])
+    return folder
+
+
+def _c_files(folder: Path, file: str) -> tuple[Path, Path]:
+    """Return the paths of header and source."""
+    from colony.compile.backends.c.generate import program_name
+
+    name = program_name(Path(file).stem)
+    return folder / f"{name}.h", folder / f"{name}.c"
+
+
+def _write_c(compilation: Compilation, file: str, folder: Path, seconds: float, no_proof: bool) -> None:
+    """Write header and source in C, proved unless `no_proof`."""
+    from colony.compile.backends.c.generate import generate_c
+    from colony.text.diagnostics import DiagnosticError
+    from colony.verify.equivalence.prove import prove
+
+    program = compilation.program
+    try:
+        text = generate_c(compilation.compiled, Path(file).stem)
+    except DiagnosticError as refused:
+        refuse(refused.diagnostics)
+    if not no_proof:
+        with reliable_interrupts():
+            result = prove(program, compilation, c=text, seconds=seconds)
+        _report_proof(result, program, clients_file=None)
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as problem:
+        cannot_write(folder, reason(problem))
+    for path, content in zip(_c_files(folder, file), (text.header, text.source), strict=True):
+        write_whole(path, content)
 
 
 def _proved(compilation: Compilation, file: str, no_proof: bool) -> Compiled:

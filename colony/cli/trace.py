@@ -17,6 +17,7 @@ from colony.cli.params_choice import params_option
 from colony.cli.recorded import program_for
 from colony.cli.reporting import one_line, refuse, say
 from colony.cli.robot_choice import description_option
+from colony.extras import expect_extras
 from colony.files import open_regular, reason
 from colony.text.wording import time_text
 
@@ -37,10 +38,10 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--backend",
-    type=click.Choice(["network", "clients", "python"]),
+    type=click.Choice(["network", "clients", "python", "c"]),
     default="network",
     show_default=True,
-    help="The executor: the reference interpreter, the client list, or the generated Python.",
+    help="The executor: the reference interpreter, the client list, generated Python, or C.",
 )
 @click.option(
     "--frame",
@@ -86,6 +87,7 @@ def command(
       colony trace --input run.mcap --frame 120 --picture scan.png
       echo '{"t": 0, "bumper": true}' | colony trace wander --input -
     """
+    backend = _available(backend)
     inputs = [path for path in (file, input_) if path is not None]
     if output is not None:
         check_output(output, inputs)
@@ -125,6 +127,21 @@ def command(
         subject = Path(file or (reader.run.program if reader.run else name)).name
         _draw(picture, program, subject, decided, name)
     _report(name, reader, decided)
+
+
+def _available(backend: Backend) -> Backend:
+    """Return the backend, or generated Python in the place of C if there is no compiler, which is printed."""
+    if backend != "c":
+        return backend
+    expect_extras("native")
+    from colony.compile.backends.c.native import NoCompilerError, compiler
+
+    try:
+        compiler()
+    except NoCompilerError as missing:
+        say(f"note: {missing}: generated Python decides instead")
+        return "python"
+    return backend
 
 
 class _Decided:
