@@ -292,9 +292,7 @@ class _Translation:
             ):
                 return ast.Call(ast.Name(function), [self._value(x) for x in arguments], [])
             case _:
-                raise EmittedFormError(
-                    f"an expression of the kind {type(node).__name__}", "none of this kind"
-                )
+                raise EmittedFormError("a call of an unknown function", "those that are generated")
 
 
 def _flat(node: Any, op: str) -> list[Any]:

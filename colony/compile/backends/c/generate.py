@@ -11,7 +11,7 @@ import re
 import textwrap
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from colony.compile.backends.c.decision import decision_lines
@@ -464,8 +464,9 @@ def _type(is_bool: bool) -> str:
 
 def _place(span: Span) -> str:
     """Return file and line of a declaration, after a comma."""
+    source = span.source
     return (
-        "" if span.source.name == "<none>" else f", {span.source.name}:{span.source.position(span.start)[0]}"
+        "" if source.name == "<none>" else f", {PurePath(source.name).name}:{source.position(span.start)[0]}"
     )
 
 

@@ -23,7 +23,7 @@ from colony.compile.backends.c.generate import CText, generate_c
 from colony.execute.checked import checked_frame
 from colony.execute.compiled import Compiled
 from colony.execute.intake import as_float
-from colony.extras import expect_extras
+from colony.extras import expect_extras, installed
 from colony.files import keep_in_cache, read_from_cache, user_cache
 from colony.ir.frame import Decision, Frame, FrameEvent, Outcome, RecordKind
 from colony.ir.program import Sensor
@@ -59,6 +59,15 @@ def compiler() -> tuple[str, ...]:
     if found is None:
         raise NoCompilerError(f"no C compiler ({' or '.join(names)})")
     return (found, *chosen[1:])
+
+
+def is_available() -> bool:
+    """Return True if C can be compiled and loaded here."""
+    try:
+        compiler()
+    except NoCompilerError:
+        return False
+    return installed("cffi")
 
 
 def load_c(compiled: Compiled) -> CExecutor:
@@ -185,8 +194,8 @@ class CExecutor:
             self._actuators.append((actuator.name, out, command, members, changed, names))
         self.restart()
 
-    def step(self, frame: Frame) -> Outcome:
-        """Execute one frame."""
+    def write(self, frame: Frame) -> None:
+        """Write a frame into the struct that the next step reads."""
         c, readings, t_ns, taken_ns = self._frame, frame.readings, frame.t_ns, frame.taken_ns
         c.t_ns, c.restarted = t_ns, frame.restarted
         for name, take in self._takes:
@@ -194,7 +203,11 @@ class CExecutor:
                 take(readings[name], t_ns, taken_ns.get(name, t_ns))
             else:
                 take.absent()
-        self._step(self._memory, c, self._out)
+
+    def step(self, frame: Frame) -> Outcome:
+        """Execute one frame."""
+        self.write(frame)
+        self._step(self._memory, self._frame, self._out)
         records: list[FrameEvent] = []
         found = bytes(self._found)
         if found.translate(None, b"\0\1"):
@@ -284,8 +297,12 @@ def _take(sensor: Sensor, member: Any) -> tuple[str, _Take]:
     is_bool, size = isinstance(element_type(sensor.type), Bool), 0
     if isinstance(sensor.type, Array):
         size = sensor.type.size
-    convert = _bools(size) if is_bool and size else _bool if is_bool else _numbers(size) if size else as_float
+    convert = _bools(size) if is_bool and size else _bool if is_bool else _numbers(size) if size else _number
     return sensor.name, _Take(member, convert, sensor.within_ns is not None)
+
+
+def _number(reading: Any) -> float | None:
+    return reading if type(reading) is float else as_float(reading)  # C sees that it is not NaN
 
 
 def _bool(reading: Any) -> bool | None:

@@ -1,0 +1,69 @@
+"""Generated C gives the same bits on every target, compiled without a warning."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from colony.compile.backends.c.generate import generate_c
+from colony.compile.backends.c.native import CExecutor, built
+from colony.compile.pipeline import Compilation, compile_program
+from colony.dsl.load import load_file
+from colony.verify.testing.agreement import disagreement
+from tests.compile.backends.c.harness import (
+    AARCH64,
+    CLANG,
+    CORTEX_M4,
+    CORTEX_M7,
+    HERE,
+    SANITIZED,
+    Target,
+    drawn,
+    main_text,
+    run,
+)
+from tests.drawn.strategies import run_of_seed
+from tests.paths import BEHAVIORS
+from tests.sampling import sampled
+
+SEEDS = (1, 4, 8, 11, 24)
+"""Seeds of programs without modules in Python."""
+
+pytestmark = pytest.mark.skipif(not HERE.is_there, reason="no gcc")
+
+
+@pytest.mark.parametrize("seed", sampled(SEEDS, every=5))
+@pytest.mark.parametrize(
+    "target", [SANITIZED, CLANG, AARCH64, CORTEX_M7, CORTEX_M4], ids=lambda target: target.name
+)
+def test_outcomes_are_the_same_on_every_target(target: Target, seed: int, tmp_path: Path) -> None:
+    if not target.is_there:
+        pytest.skip(f"no {target.compiler[0]} or no emulator")
+    text, trace = drawn(seed)
+    main = main_text(text, trace)
+    assert run(target, text, main, tmp_path) == run(HERE, text, main, tmp_path)
+
+
+@pytest.mark.parametrize("path", sampled(BEHAVIORS, every=8), ids=lambda path: path.stem)
+@pytest.mark.parametrize("target", [HERE, CLANG], ids=lambda target: target.name)
+def test_shipped_behaviors_compile_without_a_warning(target: Target, path: Path, tmp_path: Path) -> None:
+    text = generate_c(compile_program(load_file(path)).compiled, path.stem)
+    run(target, text, main_text(text, []), tmp_path)
+
+
+@pytest.mark.parametrize("options", [("gcc", "-O0"), ("gcc", "-O2"), ("clang", "-O2")], ids=" ".join)
+@pytest.mark.parametrize("seed", sampled(range(30), every=30))
+@pytest.mark.parametrize("network", [True, False], ids=["network", "whole"])
+def test_generated_c_agrees_with_the_interpreter(seed: int, network: bool, options: tuple[str, str]) -> None:
+    program, trace = run_of_seed(seed, network=network)
+    if compile_program(program).compiled.python_modules:
+        pytest.skip("it has a module in Python")
+    command, level = options
+
+    def make(compilation: Compilation) -> CExecutor:
+        text = generate_c(compilation.compiled)
+        return CExecutor(text, built(text, [command], ["-std=c99", "-ffp-contract=off", level]))
+
+    found = disagreement(program, trace, {"generated C": make})
+    assert found is None, str(found)
