@@ -21,7 +21,6 @@ from colony.compile.backends.python.plan import (
     ActuatorPlan,
     ClientPlan,
     FunctionLayout,
-    GroupPlan,
     Placement,
     make_plan,
 )
@@ -138,7 +137,7 @@ class _Generator:
         self.ranges = ranges(code)
         layout = FunctionLayout()
         self.placement = Placement(code, layout, self.ranges)
-        self.plan = make_plan(code, layout, self.placement)
+        self.plan = make_plan(code, layout, self.placement, grouped=False)
         self.names = UniqueNames(code, KEYWORDS | set(_definitions()))
         self.clients = [c for a in code.actuators for c in a.clients]
         self.modules = self._constants([c.module for c in self.clients])
@@ -365,23 +364,13 @@ class _Generator:
         if plan.groups:
             self.add(1, "do {")
             for group in plan.groups:
-                self.group(plan, group)
+                self.before(group.slot, 2)
+                for client in group.clients:
+                    self.client(plan, client, 2)
             self.add(1, "} while (false);")
         self.before(plan.after, 1)
         statements = self.expressions.statements.get(plan.limits, [])
         self.add(1, *decision_lines(plan, self.names, self.expressions, statements, self.nobody))
-
-    def group(self, plan: ActuatorPlan, group: GroupPlan) -> None:
-        """Add consecutive clients."""
-        indent = 2
-        self.before(group.slot, indent)
-        if group.present is not None:
-            self.add(indent, f"if ({self.value(group.present)}) {{")
-            indent += 1
-        for client in group.clients:
-            self.client(plan, client, indent)
-        if group.present is not None:
-            self.add(indent - 1, "}")
 
     def client(self, plan: ActuatorPlan, client: ClientPlan, indent: int) -> None:
         """Add one client."""
