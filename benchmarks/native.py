@@ -3,7 +3,7 @@
 One binary has the generated step and one by hand with the same checks: the reading must be there, none of its
 numbers NaN; they are clamped to the sensor's range, and the command to the actuator's, where it is finite.
 Both are timed in turns over the same frames. On the host, the C is stepped through cffi from a list of
-floats, against the bare call of the step from Python with the same list written into its frame.
+floats, against the bare call of the step after the same checks and the same conversion of the list.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pathlib import Path
 from statistics import median
 from time import perf_counter, perf_counter_ns
 
-from benchmarks.decide import READINGS, SEED, Row, _command, _row, generated, workload
+from benchmarks.decide import READINGS, SEED, Row, _command, _row, generated, main, workload
 from colony.compile.backends.c.expressions import literal
 from colony.compile.backends.c.generate import CText, generate_c
 from colony.compile.backends.c.native import STRICT, CExecutor, built, compiler
@@ -50,7 +50,9 @@ def run() -> list[Row]:
         frames = _frames(size)
         step, by_hand = steps(text, size, frames)
         rows.append(_row(f"N={size}, generated C / C by hand", step / by_hand, MOST_TIMES_HAND))
-        rows += [_row(f"N={size}, {n}", x, None, "ns") for n, x in (("generated C", step), ("C by hand", by_hand))]
+        rows += [
+            _row(f"N={size}, {n}", x, None, "ns") for n, x in (("generated C", step), ("C by hand", by_hand))
+        ]
         host, bare, python = on_host(text, size, frames)
         rows.append(_row(f"N={size}, through cffi / the bare call", host / bare, MOST_TIMES_BARE))
         for name, ns in (("C through cffi", host), ("bare call", bare), ("generated Python", python)):
@@ -100,21 +102,15 @@ void hand_step(const struct bench_frame *f, struct hand_outcome *out)
     double w = 0.0;
     out->by = 0;
     out->fault = 0;
-    out->sensor = f->sensor.given == COLONY_GIVEN ? 1 : 0;
-    for (int i = 0; i < {size} && out->sensor != 0; i++) {{
+    bool is_there = f->sensor.given == COLONY_GIVEN;
+    bool is_clean = true;
+    for (int i = 0; i < {size}; i++) {{
         const double x = f->sensor.value[i];
-        if (x != x) {{
-            out->sensor = 0;
-        }} else if (x < 0.0) {{
-            s[i] = 0.0;
-            out->sensor = 2;
-        }} else if (x > {size / 4!r}) {{
-            s[i] = {size / 4!r};
-            out->sensor = 2;
-        }} else {{
-            s[i] = x;
-        }}
+        is_there = is_there && x == x;
+        s[i] = x < 0.0 ? 0.0 : x > {size / 4!r} ? {size / 4!r} : x;
+        is_clean = is_clean && s[i] == x;
     }}
+    out->sensor = !is_there ? 0 : is_clean ? 1 : 2;
     if (out->sensor == 0) {{
         out->velocity = 0.0;
         out->turn = 0.0;
@@ -128,8 +124,11 @@ void hand_step(const struct bench_frame *f, struct hand_outcome *out)
         w = 0.0;
     }} else if (out->by != 0) {{
         out->changed = 0;
-        if (v < -600.0) {{ v = -600.0; out->changed |= 1; }} else if (v > 600.0) {{ v = 600.0; out->changed |= 1; }}
-        if (w < -90.0) {{ w = -90.0; out->changed |= 2; }} else if (w > 90.0) {{ w = 90.0; out->changed |= 2; }}
+        const double bounded_v = v < -600.0 ? -600.0 : v > 600.0 ? 600.0 : v;
+        const double bounded_w = w < -90.0 ? -90.0 : w > 90.0 ? 90.0 : w;
+        out->changed = bounded_v != v || bounded_w != w;
+        v = bounded_v;
+        w = bounded_w;
     }}
     out->velocity = v;
     out->turn = w;
@@ -209,15 +208,17 @@ def _done(command: list[str], folder: str) -> str:
 def on_host(text: CText, size: int, readings: list[list[float]]) -> tuple[float, float, float]:
     """Median nanoseconds a frame from a list of floats: the executor, the bare call, generated Python."""
     module = built(text)
-    executor, lib = CExecutor(text, module), module.lib
-    m, f, out = (module.ffi.new(f"struct bench_{x} *") for x in ("memory", "frame", "outcome"))
-    lib.bench_init(m)
-    sensor, step = f.sensor, lib.bench_step
-    sensor.given = 1
+    executor = CExecutor(text, module)
+    m, out, step = (
+        module.ffi.new("struct bench_memory *"),
+        module.ffi.new("struct bench_outcome *"),
+        module.lib.bench_step,
+    )
+    module.lib.bench_init(m)
 
     def bare(reading: list[float]) -> None:
-        sensor.value = reading
-        step(m, f, out)
+        executor.write(Frame(0, {"sensor": reading}))
+        step(m, executor.frame, out)
 
     tick = generated(size)
     calls: list[Callable[[list[float]], object]] = [
@@ -266,12 +267,5 @@ def size_on_cortex() -> tuple[int, int]:
     return int(code), int(ram)
 
 
-def main() -> None:
-    """Print the table."""
-    for row in run():
-        target = "" if row["target"] is None else f"  target {row['target']:g}  {'ok' if row['ok'] else 'MISSED'}"
-        print(f"{row['name']:45} {row['value']:12.4g} {row['unit']}{target}")
-
-
 if __name__ == "__main__":
-    main()
+    main(run())

@@ -12,7 +12,6 @@ import textwrap
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING
 
 from colony.compile.backends.c.decision import decision_lines
 from colony.compile.backends.c.expressions import KEYWORDS, TYPES, CTexts, identifier, literal
@@ -33,9 +32,6 @@ from colony.ir.types import Bool
 from colony.ir.version import SEMANTICS
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Span
-
-if TYPE_CHECKING:
-    from colony.compile.backends.c.native import CheckedCExecutor
 
 _INCLUDES = ("#include <stdbool.h>", "#include <stdint.h>")
 _WIDTH = 116
@@ -96,17 +92,6 @@ class CText:
     actuators: tuple[str, ...]
     modules: tuple[str, ...]
     compiled: Compiled
-
-    def executor(self) -> CheckedCExecutor:
-        """Return an executor with initial memory; the C is compiled once, and kept in the user's cache.
-
-        Raises:
-            MissingExtraError: cffi is not installed.
-            NoCompilerError: there is no C compiler, or it failed.
-        """
-        from colony.compile.backends.c.native import CheckedCExecutor, built
-
-        return CheckedCExecutor(self, built(self))
 
 
 def generate_c(compiled: Compiled, name: str = "") -> CText:

@@ -15,6 +15,7 @@ from contextlib import suppress
 from functools import cache
 from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,7 @@ from colony.execute.intake import as_float
 from colony.extras import expect_extras, installed
 from colony.files import keep_in_cache, read_from_cache, user_cache
 from colony.ir.frame import Decision, Frame, FrameEvent, Outcome, RecordKind
-from colony.ir.program import Sensor
+from colony.ir.program import Actuator, Sensor
 from colony.ir.types import Array, Bool, element_type
 
 STRICT = ("-std=c99", "-ffp-contract=off", "-O2")
@@ -38,7 +39,7 @@ COMPILE_SECONDS = 600.0
 _MAX_BYTES = 256 * 1024 * 1024
 
 _ABSENT, _GIVEN, _FAULTY, _LOST = range(4)
-_REASONS = (None, "missing", "not finite", "bound missing", "limits contradict")
+_REASONS: Sequence[RecordKind | None] = (None, "missing", "not finite", "bound missing", "limits contradict")
 _CHANGES: Mapping[int, RecordKind] = {1: "limited", 2: "command clamped"}
 _FOUND: Mapping[int, RecordKind] = {2: "sensor clamped", 3: "sensor fault"}
 
@@ -163,83 +164,59 @@ def _imported(name: str, path: Path) -> Any:
 
 # --- the executor -------------------------------------------------------------------------------------
 
+_Take = Callable[[Mapping[str, Any], int, Mapping[str, int]], None]
+"""A function that writes a sensor's reading into the frame, given readings, the time, and their times."""
+
 
 class CExecutor:
-    """An executor of a program compiled to C (see `ir.frame.Executor`). Stateful: it holds all memory."""
+    """An executor of a program compiled to C (see `ir.frame.Executor`). Stateful: it holds all memory.
+
+    `frame` is the struct that `write` fills, as cffi shows it.
+    """
 
     def __init__(self, text: CText, module: Any) -> None:
         """Take the module that `built` returned for the text."""
         ffi, lib, p = module.ffi, module.lib, text.name
         self._init, self._step = getattr(lib, f"{p}_init"), getattr(lib, f"{p}_step")
-        self._memory, self._frame, self._out = (
-            ffi.new(f"struct {p}_{x} *") for x in ("memory", "frame", "outcome")
-        )
+        structs = (ffi.new(f"struct {p}_{x} *") for x in ("memory", "frame", "outcome"))
+        self._memory, self.frame, self._out = structs
         code = text.compiled.code
+        self._sensors = code.sensors
         self._takes = [
-            _take(sensor, getattr(self._frame, member))
+            _take(sensor, getattr(self.frame, member))
             for sensor, member in zip(code.sensors, text.sensors, strict=True)
         ]
-        self._declared = code.sensors
-        self._sensors = tuple(s.name for s in code.sensors)
         self._found = ffi.buffer(self._out.found) if code.sensors else b""
         self._broken = ffi.buffer(self._out.broken) if code.contracts else b""
         self._contracts = tuple(c.name for c in code.contracts)
-        self._modules = (None, *text.modules)
-        self._actuators = []
-        for actuator, member in zip([a.actuator for a in code.actuators], text.actuators, strict=True):
-            out, names = getattr(self._out, member), [f"{actuator.name}.{f.name}" for f in actuator.fields]
-            members = [identifier(f.name) for f in actuator.fields]
-            command = out.command if members else None
-            changed = ffi.buffer(out.changed) if members else b""
-            self._actuators.append((actuator.name, out, command, members, changed, names))
+        self._decisions = [
+            _decision(actuator.actuator, getattr(self._out, member), (None, *text.modules), ffi)
+            for actuator, member in zip(code.actuators, text.actuators, strict=True)
+        ]
         self.restart()
 
     def write(self, frame: Frame) -> None:
         """Write a frame into the struct that the next step reads."""
-        c, readings, t_ns, taken_ns = self._frame, frame.readings, frame.t_ns, frame.taken_ns
-        c.t_ns, c.restarted = t_ns, frame.restarted
-        for name, take in self._takes:
-            if name in readings:
-                take(readings[name], t_ns, taken_ns.get(name, t_ns))
-            else:
-                take.absent()
+        t_ns, readings, taken_ns, restarted = frame
+        self.frame.t_ns, self.frame.restarted = t_ns, restarted
+        for take in self._takes:
+            take(readings, t_ns, taken_ns)
 
     def step(self, frame: Frame) -> Outcome:
         """Execute one frame."""
         self.write(frame)
-        self._step(self._memory, self._frame, self._out)
+        self._step(self._memory, self.frame, self._out)
         records: list[FrameEvent] = []
         found = bytes(self._found)
         if found.translate(None, b"\0\1"):
-            records += [
-                FrameEvent(_FOUND[x], name) for x, name in zip(found, self._sensors, strict=True) if x > 1
-            ]
-        decisions = tuple([self._decision(*actuator, records) for actuator in self._actuators])
+            pairs = zip(found, self._sensors, strict=True)
+            records += [FrameEvent(_FOUND[x], sensor.name) for x, sensor in pairs if x > 1]
+        decisions = tuple([decide(records) for decide in self._decisions])
         broken = bytes(self._broken)
-        breaches = (
-            tuple([name for x, name in zip(broken, self._contracts, strict=True) if x]) if 1 in broken else ()
-        )
+        breaches: tuple[str, ...] = ()
+        if 1 in broken:
+            breaches = tuple([name for x, name in zip(broken, self._contracts, strict=True) if x])
         return Outcome(decisions, tuple(records), breaches)
-
-    def _decision(
-        self,
-        actuator: str,
-        out: Any,
-        command: Any,
-        members: list[str],
-        changed: Any,
-        names: list[str],
-        records: list[FrameEvent],
-    ) -> Decision:
-        by, fault = self._modules[out.by], _REASONS[out.reason]
-        if fault is not None:
-            at_module = fault in ("missing", "not finite")
-            records.append(FrameEvent(fault, by if at_module else names[out.reason_field]))  # type: ignore[arg-type]
-        changes = bytes(changed)
-        if any(changes):
-            records += [FrameEvent(_CHANGES[x], name) for x, name in zip(changes, names, strict=True) if x]
-        values = tuple([getattr(command, member) for member in members]) if out.sent else None
-        return Decision(actuator, by, values, fault)
 
     def restart(self) -> None:
         """Restart from the initial memory."""
@@ -257,7 +234,7 @@ class CheckedCExecutor(CExecutor):
         Raises:
             TypeError, ValueError: it is no valid frame (see `colony.execute.checked`).
         """
-        checked = checked_frame(frame, self._last_ns, self._declared)
+        checked = checked_frame(frame, self._last_ns, self._sensors)
         self._last_ns = checked.t_ns
         return super().step(checked)
 
@@ -267,38 +244,77 @@ class CheckedCExecutor(CExecutor):
         super().restart()
 
 
-class _Take:
-    """A sensor's place in the frame. Mutable: calls write a reading."""
+def _decision(
+    actuator: Actuator, out: Any, modules: Sequence[str | None], ffi: Any
+) -> Callable[[list[FrameEvent]], Decision]:
+    """Return a function that reads the decision on an actuator, and adds its records."""
+    name, fields = actuator.name, [f"{actuator.name}.{f.name}" for f in actuator.fields]
+    head = attrgetter("by", "reason", "sent")
+    command = out.command if fields else None
+    changed = ffi.buffer(out.changed) if fields else b""
+    members, is_single = [identifier(f.name) for f in actuator.fields], len(fields) == 1
+    fetch: Callable[[Any], Any] = attrgetter(*members) if members else lambda _: ()
 
-    def __init__(self, member: Any, convert: Callable[[Any], Any], ages: bool) -> None:
-        self._member, self._convert, self._ages = member, convert, ages
+    def decide(records: list[FrameEvent]) -> Decision:
+        number, reason, is_sent = head(out)
+        by, fault = modules[number], _REASONS[reason]
+        if fault is not None:
+            subject = by if fault in ("missing", "not finite") else fields[out.reason_field]
+            records.append(FrameEvent(fault, subject or ""))
+        changes = bytes(changed)
+        if changes.strip(b"\0"):
+            pairs = zip(changes, fields, strict=True)
+            records.extend([FrameEvent(_CHANGES[x], field) for x, field in pairs if x])
+        values = None
+        if is_sent:
+            values = (fetch(command),) if is_single else fetch(command)
+        return Decision(name, by, values, fault)
 
-    def __call__(self, reading: Any, t_ns: int, taken_ns: int) -> None:
-        member = self._member
-        if taken_ns > t_ns:
+    return decide
+
+
+def _take(sensor: Sensor, member: Any) -> _Take:
+    name, ages, convert = sensor.name, sensor.within_ns is not None, _conversion(sensor)
+
+    def take(readings: Mapping[str, Any], t_ns: int, taken_ns: Mapping[str, int]) -> None:
+        if name not in readings:
+            member.given = _ABSENT
+            return
+        reading, taken = readings[name], taken_ns.get(name, t_ns) if taken_ns else t_ns
+        if taken > t_ns:
             member.given = _FAULTY
         elif reading is None:
             member.given = _LOST
+        elif (value := convert(reading)) is None:
+            member.given = _FAULTY
         else:
-            value = self._convert(reading)
-            if value is None:
-                member.given = _FAULTY
-                return
             member.value, member.given = value, _GIVEN
-            if self._ages:
-                member.taken_ns = taken_ns
+            if ages:
+                member.taken_ns = taken
 
-    def absent(self) -> None:
-        """Write that there is no reading."""
-        self._member.given = _ABSENT
+    return take
 
 
-def _take(sensor: Sensor, member: Any) -> tuple[str, _Take]:
-    is_bool, size = isinstance(element_type(sensor.type), Bool), 0
-    if isinstance(sensor.type, Array):
-        size = sensor.type.size
-    convert = _bools(size) if is_bool and size else _bool if is_bool else _numbers(size) if size else _number
-    return sensor.name, _Take(member, convert, sensor.within_ns is not None)
+def _conversion(sensor: Sensor) -> Callable[[Any], Any]:
+    """Return the function that returns a reading as cffi takes it, or None if it is of another type."""
+    is_bool = isinstance(element_type(sensor.type), Bool)
+    if not isinstance(sensor.type, Array):
+        return _bool if is_bool else _number
+    size = sensor.type.size
+    kind: type[float] = bool if is_bool else float
+    usual = [kind] * size
+
+    def convert(reading: Any) -> Any:
+        if not isinstance(reading, list | tuple):
+            return None
+        if [*map(type, reading)] == usual:
+            return reading
+        if is_bool or len(reading) != size:
+            return None
+        numbers = [_number(x) for x in reading]
+        return None if None in numbers else numbers
+
+    return convert
 
 
 def _number(reading: Any) -> float | None:
@@ -307,24 +323,3 @@ def _number(reading: Any) -> float | None:
 
 def _bool(reading: Any) -> bool | None:
     return reading if isinstance(reading, bool) else None
-
-
-def _bools(size: int) -> Callable[[Any], Any]:
-    def convert(reading: Any) -> Any:
-        if not isinstance(reading, list | tuple) or len(reading) != size:
-            return None
-        return reading if all(isinstance(x, bool) for x in reading) else None
-
-    return convert
-
-
-def _numbers(size: int) -> Callable[[Any], Any]:
-    def convert(reading: Any) -> Any:
-        if not isinstance(reading, list | tuple) or len(reading) != size:
-            return None
-        if set(map(type, reading)) == {float}:
-            return reading
-        numbers = [as_float(x) for x in reading]
-        return None if None in numbers else numbers
-
-    return convert

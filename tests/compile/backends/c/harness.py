@@ -150,7 +150,7 @@ def main_text(text: CText, frames: Sequence[Frame]) -> str:
     lines = []
     for frame in frames:
         executor.write(frame)
-        lines.append(f"    {{{', '.join(_fields(text, executor._frame))}}},")
+        lines.append(f"    {{{', '.join(_fields(text, executor.frame))}}},")
     shown = []
     for a, member in zip(code.actuators, text.actuators, strict=True):
         out = f"out.{member}"

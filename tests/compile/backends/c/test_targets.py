@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -24,7 +25,7 @@ from tests.compile.backends.c.harness import (
     run,
 )
 from tests.drawn.strategies import run_of_seed
-from tests.paths import BEHAVIORS
+from tests.paths import BEHAVIORS, ROOT
 from tests.sampling import sampled
 
 SEEDS = (1, 4, 8, 11, 24)
@@ -67,3 +68,9 @@ def test_generated_c_agrees_with_the_interpreter(seed: int, network: bool, optio
 
     found = disagreement(program, trace, {"generated C": make})
     assert found is None, str(found)
+
+
+def test_the_example_of_the_page_compiles_and_runs(tmp_path: Path) -> None:
+    [example] = re.findall(r"^```c main.c\n(.*?)^```$", (ROOT / "docs/native.md").read_text(), re.M | re.S)
+    text = generate_c(compile_program(load_file(ROOT / "behaviors/wander.colony")).compiled, "wander")
+    assert run(HERE, text, example, tmp_path).split() == ["cruise", "600"] * 3
