@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, assert_never
@@ -14,7 +15,7 @@ from colony.cli.params_choice import chosen_params, params_option
 from colony.cli.reporting import check_to_run, refuse, report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.verify.prover_options import COUNTED, ProverSeconds
-from colony.extras import expect_extras, install_command, installed
+from colony.extras import expect_extras, install_command, installed, naming_missing_extras
 from colony.files import read_file, reason
 from colony.verify.interruption import reliable_interrupts
 
@@ -62,7 +63,8 @@ CLIENTS_BYTES = 64 * 1024 * 1024
     "existing",
     metavar="CLIENTS",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Only prove existing clients (JSON, or Python in a .py file) equivalent to the network of FILE.",
+    help="Only prove existing clients (JSON, or Python in a .py file, or C in a .c file beside its header) "
+    "equivalent to the network of FILE.",
 )
 @click.option(
     "--proof-timeout",
@@ -247,19 +249,29 @@ def _proof_of(existing: Path, program: Program, compilation: Compilation, second
 
     try:
         text = read_file(existing, CLIENTS_BYTES).decode("utf-8")
+        header = ""
+        if existing.suffix == ".c":
+            header = read_file(existing.with_suffix(".h"), CLIENTS_BYTES).decode("utf-8")
     except OSError as problem:
-        say(f"{existing}: error: cannot read: {reason(problem)}")
+        say(f"{problem.filename or existing}: error: cannot read: {reason(problem)}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     except UnicodeDecodeError as problem:
         return WrongForm(
             form=str(existing), subject="text", found=str(problem), expected="clients as UTF-8 text"
         )
-    if existing.suffix != ".py":
+    if existing.suffix not in (".py", ".c"):
         return prove.prove_json(program, text, form=str(existing), seconds=seconds)
     clients = prove.prove(program, compilation, seconds=seconds)
     if not isinstance(clients, EquivalenceProved):
         return clients
-    return prove.prove_python(program, compilation.clients, text, form=str(existing), seconds=seconds)
+    if existing.suffix == ".py":
+        return prove.prove_python(program, compilation.clients, text, form=str(existing), seconds=seconds)
+    from colony.compile.backends.c.generate import generate_c
+
+    with naming_missing_extras():
+        emitted = generate_c(compilation.compiled, existing.stem)
+        found = replace(emitted, header=header, source=text)
+        return prove.prove_c(program, compilation.clients, found, form=str(existing), seconds=seconds)
 
 
 def _report_proof(result: Result, program: Program, clients_file: Path | None) -> None:

@@ -235,7 +235,13 @@ def test_c_is_a_header_and_a_source_in_a_folder(colony: Colony, behavior: Path, 
     assert done.err.startswith("proved: clients, generated C and network are the same")
     name = behavior.stem
     assert sorted(path.name for path in folder.iterdir()) == [f"{name}.c", f"{name}.h"]
-    assert f'#include "{name}.h"' in (folder / f"{name}.c").read_text()
+    source = folder / f"{name}.c"
+    assert f'#include "{name}.h"' in source.read_text()
+    assert colony("compile", "--prove", source, behavior).code == 0
+    source.write_text(source.read_text().replace("_by = B_BACK", "_by = B_CRUISE", 1))
+    assert colony("compile", "--prove", source, behavior).code == 1
+    (folder / f"{name}.h").unlink()
+    assert colony("compile", "--prove", source, behavior).code == 2
 
 
 def test_c_without_a_folder_is_refused(colony: Colony, behavior: Path, tmp_path: Path) -> None:

@@ -13,15 +13,13 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from colony.compile.backends.c.generate import CText, generate_c, preprocessor_lines, support_names
+from colony.compile.backends.c.generate import CText, definitions, generate_c, preprocessor_lines
 from colony.compile.guards import ClientList
 from colony.compile.lower.lower import lower
 from colony.ir.program import Program
 from colony.verify.equivalence.forms import Form, TimerClasses, with_activities
 from colony.verify.equivalence.json_text import EmittedFormError
 from colony.verify.equivalence.python_text import Functions, read_functions
-
-C = "generated C"
 
 _TYPEDEFS = (
     "typedef long int64_t; typedef unsigned long uint64_t; typedef unsigned char uint8_t; "
@@ -51,7 +49,7 @@ _JOINED: Mapping[str, type[ast.boolop]] = {"&&": ast.And, "||": ast.Or}
 class CReader:
     """A reader of a program in C and of the same program with a contract for each activity."""
 
-    def __init__(self, program: Program, clients: ClientList, text: CText, name: str = C) -> None:
+    def __init__(self, program: Program, clients: ClientList, text: CText, name: str) -> None:
         """Read both texts.
 
         Raises:
@@ -84,7 +82,7 @@ def c_functions(text: CText) -> Functions:
     except Exception as problem:  # the parser's errors have no common class
         raise EmittedFormError(f"{type(problem).__name__}: {problem}", "C") from None
     try:
-        return _Translation(unit, text.name).functions()
+        return _Translation(unit, text).functions()
     except (LookupError, ValueError, AttributeError, TypeError) as problem:
         raise EmittedFormError(f"{type(problem).__name__}: {problem}", "generated C") from None
 
@@ -92,10 +90,10 @@ def c_functions(text: CText) -> Functions:
 class _Translation:
     """The translation of a file. Mutable: collects the names declared in a function."""
 
-    def __init__(self, unit: Any, name: str) -> None:
+    def __init__(self, unit: Any, text: CText) -> None:
         from pycparser import c_ast
 
-        self._c, self._prefix = c_ast, name
+        self._c, self._prefix, self._source = c_ast, text.name, text.source
         self._declared: set[str] = set()
         self._tables: dict[str, list[str]] = {}
         self._bodies: dict[str, Any] = {}
@@ -109,11 +107,11 @@ class _Translation:
                     if table in self._tables:
                         raise EmittedFormError(f"the table {table} twice", "it once")
                     self._tables[table] = [item.value[1:-1] for item in items]
-                case c_ast.Decl(type=c_ast.Enum(name=enum, values=values)) if enum == f"{name}_module":
+                case c_ast.Decl(type=c_ast.Enum(name=enum, values=values)) if enum == f"{text.name}_module":
                     numbers = {x.name: int(x.value.value) for x in values.enumerators}
                 case _:
                     pass
-        modules = self._tables.get(f"{name}_modules", [])
+        modules = self._tables.get(f"{text.name}_modules", [])
         if any(not 0 <= number < len(modules) for number in numbers.values()):
             raise EmittedFormError("a module without a name", "a name for each")
         self._modules = {constant: modules[number] or None for constant, number in numbers.items()}
@@ -121,6 +119,9 @@ class _Translation:
     def _define(self, name: str, body: Any) -> None:
         if name in self._bodies:
             raise EmittedFormError(f"the function {name} twice", "it once")
+        own = (f"{self._prefix}_{of}" for of in ("init", "restart", "step"))
+        if name not in own and definitions().get(name, "\0") not in self._source:
+            raise EmittedFormError(f"another {name}", "the function of this name that is generated")
         self._bodies[name] = body
 
     def functions(self) -> Functions:
@@ -288,7 +289,7 @@ class _Translation:
             ):
                 return ast.Constant(int(n, 10))
             case c.FuncCall(name=c.ID(name=function), args=c.ExprList(exprs=arguments)) if (
-                function in _MATH or (function in support_names() and function not in _FILLING)
+                function in _MATH or (function in definitions() and function not in _FILLING)
             ):
                 return ast.Call(ast.Name(function), [self._value(x) for x in arguments], [])
             case _:

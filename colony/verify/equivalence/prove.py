@@ -148,15 +148,22 @@ def prove_python(
     return found
 
 
-def prove_c(program: Program, clients: ClientList, text: CText, *, seconds: float = SECONDS) -> Result:
+def prove_c(
+    program: Program,
+    clients: ClientList,
+    text: CText,
+    *,
+    form: str = "generated C",
+    seconds: float = SECONDS,
+) -> Result:
     """Prove that generated C has the winners of the clients, which are those of the program."""
-    from colony.verify.equivalence.c_text import C, CReader  # needs an extra
+    from colony.verify.equivalence.c_text import CReader  # needs an extra
 
     try:
         with gc_paused():
-            return prove_form(CReader(program, clients, text).form, clients, seconds)
+            return prove_form(CReader(program, clients, text, form).form, clients, seconds)
     except EmittedFormError as problem:
-        return WrongForm(form=C, subject="text", found=problem.found, expected=problem.expected)
+        return WrongForm(form=form, subject="text", found=problem.found, expected=problem.expected)
 
 
 def prove_clients(

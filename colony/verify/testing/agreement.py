@@ -207,7 +207,8 @@ def client_disagreement(program: Program, trace: Sequence[Frame]) -> Disagreemen
     return disagreement(program, trace, CLIENTS)
 
 
-def _generated_c(compilation: Compilation) -> Executor:
+def generated_c(compilation: Compilation) -> Executor:
+    """Return an executor in C; see `colony.compile.backends.c.native.load_c`."""
     from colony.compile.backends.c.native import load_c  # needs an extra
 
     return load_c(compilation.compiled)
@@ -218,7 +219,7 @@ def with_c(program: Program, executors: Mapping[str, Factory] = ALL_EXECUTORS) -
     from colony.compile.backends.c.native import is_available
 
     has_python = any(isinstance(module, PythonModule) for module in program.modules)
-    return executors if has_python or not is_available() else {**executors, "generated C": _generated_c}
+    return executors if has_python or not is_available() else {**executors, "generated C": generated_c}
 
 
 def _decide(program: Program, expected: Decision, steps: Mapping[tuple[str, str], ClientStep]) -> Decision:

@@ -96,6 +96,7 @@ def test_a_change_of_a_guard_is_found(what: str, instead: str) -> None:
             "out->drive.by = drive_by;\n out->drive.by = drive_by;",
             "a decision too many",
         ),
+        ("return y < x ? y : x;", "return fmin(x, y);", "another colony_min"),
         ("void allen_init(", "void allen_begin(", "no function allen_init"),
         ("} while (false);", "} while (true);", "a statement of the kind DoWhile"),
         ("{", "", "ParseError"),

@@ -33,6 +33,8 @@ from colony.ir.version import SEMANTICS
 from colony.text.diagnostics import DiagnosticError, error
 from colony.text.source import Span
 
+_NOTHING = "    uint8_t nothing;"
+"""The only member of an outcome without any: C has no empty structs."""
 _INCLUDES = ("#include <stdbool.h>", "#include <stdint.h>")
 _WIDTH = 116
 
@@ -123,7 +125,7 @@ class _Generator:
         layout = FunctionLayout()
         self.placement = Placement(code, layout, self.ranges)
         self.plan = make_plan(code, layout, self.placement, grouped=False)
-        self.names = UniqueNames(code, KEYWORDS | set(_definitions()))
+        self.names = UniqueNames(code, KEYWORDS | set(definitions()))
         self.clients = [c for a in code.actuators for c in a.clients]
         self.modules = self._constants([c.module for c in self.clients])
         self.nobody = self._constant("nobody")
@@ -244,9 +246,16 @@ class _Generator:
         for a in self.code.actuators:
             fields = a.actuator.fields
             lines += ["    struct {", f"        enum {self.prefix}_module by;"]
-            lines += ["        uint8_t reason;", "        uint8_t reason_field;", "        bool sent;"]
+            lines += [
+                "        uint8_t reason; /* enum colony_reason */",
+                "        uint8_t reason_field;",
+                "        bool sent;",
+            ]
             if fields:
-                lines += [f"        uint8_t changed[{len(fields)}];", "        struct {"]
+                lines += [
+                    f"        uint8_t changed[{len(fields)}]; /* enum colony_change */",
+                    "        struct {",
+                ]
                 lines += [
                     f"            {_type(isinstance(f.type, Bool))} {identifier(f.name)};"
                     + (f" /* {_comment(f.unit)} */" if f.unit else "")
@@ -255,10 +264,10 @@ class _Generator:
                 lines += ["        } command;"]
             lines += [f"    }} {self.names.decision[a.actuator.name]};"]
         if self.code.sensors:
-            lines.append(f"    uint8_t found[{len(self.code.sensors)}];")
+            lines.append(f"    uint8_t found[{len(self.code.sensors)}]; /* enum colony_found */")
         if self.code.contracts:
             lines.append(f"    bool broken[{len(self.code.contracts)}];")
-        return lines
+        return lines or [_NOTHING]
 
     def _tables(self) -> list[tuple[str, list[str]]]:
         actuators = [a.actuator.name for a in self.code.actuators]
@@ -320,13 +329,15 @@ class _Generator:
         self.memory()
         self.remember_sent()
         body, self.lines = _without_unused(self.lines), []
-        used = set(re.findall(r"\w+", "\n".join(body)))
+        used = {word for line in body for word in _words(line)}
         self.add(1, "if (!m->begun) {", "    m->begun = true;", "    m->first_ns = f->t_ns;", "}")
         if "t" in used:
             self.add(1, "const int64_t t = f->t_ns - m->first_ns;")
         if "restarted" in used:
             self.add(1, "const bool restarted = f->restarted || m->restarted;")
         self.add(1, "m->restarted = false;")
+        if self.outcome_members() == [_NOTHING]:
+            self.add(1, "out->nothing = 0;")
         for i, sensor in enumerate(self.code.sensors):
             self.add(1, *sensor_lines(sensor, i, self.names, used))
         head = f"void {p}_step(struct {p}_memory *m, const struct {p}_frame *f, struct {p}_outcome *out)"
@@ -464,7 +475,7 @@ _NAMED = re.compile(r"\s*const (?:double|bool|int64_t)(?: \*const)? (\w+) = ")
 def _without_unused(lines: list[str]) -> list[str]:
     """Return the lines without constants that none of them uses."""
     counts: dict[str, int] = {}
-    words = [re.findall(r"\w+", line) for line in lines]
+    words = [_words(line) for line in lines]
     for own in words:
         for word in own:
             counts[word] = counts.get(word, 0) + 1
@@ -477,6 +488,11 @@ def _without_unused(lines: list[str]) -> list[str]:
         else:
             kept.append(line)
     return kept[::-1]
+
+
+def _words(line: str) -> list[str]:
+    """Return the words of a line without those of its comment."""
+    return re.findall(r"\w+", re.sub(r"/\*.*?\*/", "", line))
 
 
 def _joined(lines: list[str]) -> str:
@@ -497,7 +513,7 @@ def _wrapped(line: str) -> list[str]:
 
 
 @cache
-def _definitions() -> dict[str, str]:
+def definitions() -> dict[str, str]:
     """Return the definitions of support.c by name, dependencies first."""
     text = (Path(__file__).parent / "support.c").read_text(encoding="utf-8")
     parts = re.findall(
@@ -505,11 +521,6 @@ def _definitions() -> dict[str, str]:
     )
     names = (re.search(r"(colony_\w+)(?:\(| \{\n)", part) for part in parts)
     return {name[1]: part for name, part in zip(names, parts, strict=True) if name is not None}
-
-
-def support_names() -> frozenset[str]:
-    """Return the names of all definitions of support.c."""
-    return frozenset(_definitions())
 
 
 def preprocessor_lines(name: str) -> tuple[list[str], list[str]]:
@@ -523,11 +534,11 @@ def preprocessor_lines(name: str) -> tuple[list[str], list[str]]:
 
 def support(words: set[str]) -> list[str]:
     """Return the definitions that these words need, dependencies first."""
-    definitions = _definitions()
+    known = definitions()
     needed, pending = set[str](), list(words)
     while pending:
         name = pending.pop()
-        if name in definitions and name not in needed:
+        if name in known and name not in needed:
             needed.add(name)
-            pending.extend(re.findall(r"\w+", definitions[name]))
-    return [definition for name, definition in definitions.items() if name in needed]
+            pending.extend(re.findall(r"\w+", known[name]))
+    return [definition for name, definition in known.items() if name in needed]
