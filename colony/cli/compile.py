@@ -49,6 +49,12 @@ CLIENTS_BYTES = 64 * 1024 * 1024
     "and a source in C99, which need -o FOLDER.",
 )
 @click.option(
+    "--float",
+    "in_floats",
+    is_flag=True,
+    help="Write C with floats in the place of doubles. It is unproved: it may decide otherwise than FILE.",
+)
+@click.option(
     "-o",
     "--output",
     type=click.Path(path_type=Path),
@@ -78,6 +84,7 @@ def command(
     file: str,
     explain: bool,
     format_: str,
+    in_floats: bool,
     output: Path | None,
     no_proof: bool,
     existing: Path | None,
@@ -104,11 +111,10 @@ def command(
     """
     if explain and format_ != "table":
         raise click.UsageError("--explain requires --format table", click.get_current_context())
-    if existing is not None and (explain or no_proof or output is not None or format_ != "table"):
-        message = "--prove can be combined only with --proof-timeout"
-        raise click.UsageError(message, click.get_current_context())
+    if in_floats and format_ != "c":
+        raise click.UsageError("--float requires --format c", click.get_current_context())
     if existing is not None:
-        expect_extras("verify")
+        _expect_alone(explain or no_proof or output is not None or format_ != "table")
     from colony.cli.programs import compile_file
     from colony.execute.colonyc import SUFFIX, encode
 
@@ -119,7 +125,7 @@ def command(
         if format_ != "c":
             check_output(output, [file])
     if format_ == "c":
-        output = _c_folder(output, file, no_proof)
+        output = _c_folder(output, file, no_proof or in_floats)
 
     compilation = compile_file(file)
     program = compilation.program
@@ -131,7 +137,7 @@ def command(
         return
     if format_ == "c":
         assert output is not None
-        _write_c(compilation, file, output, seconds, no_proof)
+        _write_c(compilation, file, output, None if no_proof else seconds, in_floats)
         return
     text = _text(compilation, format_, explain)
     if explain:
@@ -146,6 +152,14 @@ def command(
         click.echo(text, nl=False)
     else:
         write_whole(output, encode(_proved(compilation, file, no_proof)) if output.suffix == SUFFIX else text)
+
+
+def _expect_alone(others: bool) -> None:
+    """Refuse `--prove` if `others`, options that it cannot be combined with, are given."""
+    if others:
+        message = "--prove can be combined only with --proof-timeout"
+        raise click.UsageError(message, click.get_current_context())
+    expect_extras("verify")
 
 
 def _c_folder(folder: Path | None, file: str, no_proof: bool) -> Path:
@@ -168,8 +182,11 @@ def _c_files(folder: Path, file: str) -> tuple[Path, Path]:
     return folder / f"{name}.h", folder / f"{name}.c"
 
 
-def _write_c(compilation: Compilation, file: str, folder: Path, seconds: float, no_proof: bool) -> None:
-    """Write header and source in C, proved unless `no_proof`."""
+def _write_c(
+    compilation: Compilation, file: str, folder: Path, seconds: float | None, in_floats: bool
+) -> None:
+    """Write header and source in C, proved unless `seconds` is None, or `in_floats`."""
+    from colony.compile.backends.c import single
     from colony.compile.backends.c.generate import generate_c
     from colony.text.diagnostics import DiagnosticError
     from colony.verify.equivalence.prove import prove
@@ -179,7 +196,10 @@ def _write_c(compilation: Compilation, file: str, folder: Path, seconds: float, 
         text = generate_c(compilation.compiled, Path(file).stem)
     except DiagnosticError as refused:
         refuse(refused.diagnostics)
-    if not no_proof:
+    if in_floats:
+        say("unproved: with --float it may decide otherwise than the network")
+        text = single.in_floats(text)
+    elif seconds is not None:
         with reliable_interrupts():
             result = prove(program, compilation, c=text, seconds=seconds)
         _report_proof(result, program, clients_file=None)

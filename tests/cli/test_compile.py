@@ -244,6 +244,13 @@ def test_c_is_a_header_and_a_source_in_a_folder(colony: Colony, behavior: Path, 
     assert colony("compile", "--prove", source, behavior).code == 2
 
 
+def test_c_with_floats_is_written_without_a_proof(colony: Colony, behavior: Path, tmp_path: Path) -> None:
+    done = colony("compile", "--format", "c", "--float", behavior, "-o", tmp_path / "firmware")
+    assert (done.code, done.err[:9]) == (0, "unproved:")
+    assert (tmp_path / "firmware" / f"{behavior.stem}.h").read_text().startswith("/* UNPROVED: ")
+    assert "--float requires --format c" in colony("compile", "--float", behavior).err
+
+
 def test_c_without_a_folder_is_refused(colony: Colony, behavior: Path, tmp_path: Path) -> None:
     assert "requires -o FOLDER" in colony("compile", "--format", "c", behavior).err
     file = tmp_path / "file"

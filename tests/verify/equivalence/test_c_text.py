@@ -97,7 +97,7 @@ def test_a_change_of_a_guard_is_found(what: str, instead: str) -> None:
             "a decision too many",
         ),
         ("return y < x ? y : x;", "return fmin(x, y);", "another colony_min"),
-        ("void allen_init(", "void allen_begin(", "no function allen_init"),
+        ("void allen_init(", "void allen_begin(", "another allen_begin"),
         ("} while (false);", "} while (true);", "a statement of the kind DoWhile"),
         ("{", "", "ParseError"),
     ],

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import re
+import struct
 from pathlib import Path
 
 import pytest
 
 from colony.compile.backends.c.generate import generate_c
 from colony.compile.backends.c.native import CExecutor, built
+from colony.compile.backends.c.single import in_floats
 from colony.compile.pipeline import Compilation, compile_program
 from colony.dsl.load import load_file
+from colony.ir.frame import Frame
 from colony.verify.testing.agreement import disagreement
 from tests.compile.backends.c.harness import (
     AARCH64,
@@ -26,6 +29,7 @@ from tests.compile.backends.c.harness import (
 )
 from tests.drawn.strategies import run_of_seed
 from tests.paths import BEHAVIORS, ROOT
+from tests.programs import compilation, robot
 from tests.sampling import sampled
 
 SEEDS = (1, 4, 8, 11, 24)
@@ -74,3 +78,33 @@ def test_the_example_of_the_page_compiles_and_runs(tmp_path: Path) -> None:
     [example] = re.findall(r"^```c main.c\n(.*?)^```$", (ROOT / "docs/native.md").read_text(), re.M | re.S)
     text = generate_c(compile_program(load_file(ROOT / "behaviors/wander.colony")).compiled, "wander")
     assert run(HERE, text, example, tmp_path).split() == ["cruise", "600"] * 3
+
+
+@pytest.mark.parametrize("target", [HERE, CLANG, CORTEX_M4], ids=lambda target: target.name)
+def test_floats_say_that_they_are_unproved_and_compile(target: Target, tmp_path: Path) -> None:
+    if not target.is_there:
+        pytest.skip(f"no {target.compiler[0]} or no emulator")
+    text = generate_c(compilation(ANGLES).compiled)
+    trace = [Frame(0, {"angle": angle, "x": angle / 400}) for angle in (-200.0, -30.0, 0.0, 60.0, 135.0)]
+    folders = [tmp_path / name for name in ("doubles", "floats")]
+    for folder in folders:
+        folder.mkdir()
+    main = main_text(text, trace)
+    doubles, floats = run(target, text, main, folders[0]), run(target, in_floats(text), main, folders[1])
+    assert all("UNPROVED" in part for part in (in_floats(text).header, in_floats(text).source))
+    assert "double" not in re.sub(r"/\*.*?\*/", "", in_floats(text).source)
+    assert doubles != floats
+    for exact, rough in zip(doubles.split(), floats.split(), strict=True):
+        if len(set(exact)) > 2:  # a number, not a small integer
+            [x], [y] = (struct.unpack(">d", bytes.fromhex(bits)) for bits in (exact, rough))
+            assert y == pytest.approx(x, rel=1e-5)
+
+
+ANGLES = (
+    robot()
+    + """
+module m { when true do out(v = sin(angle) + 2 * cos(angle) + tan(angle / 3) + atan2(x, 0.3) / 1 deg
+                                + (asin(x) + 3 * acos(x)) / 1 deg) }
+network { out = m }
+"""
+)
