@@ -107,7 +107,8 @@ def generate_c(compiled: Compiled, name: str = "") -> CText:
 
 def program_name(name: str) -> str:
     """Return the name of files, types and functions of a program that is called `name`."""
-    return identifier(name).lower()
+    word = identifier(name).lower()
+    return f"c_{word}" if word.startswith("colony") else word
 
 
 class _Generator:
@@ -125,10 +126,10 @@ class _Generator:
         layout = FunctionLayout()
         self.placement = Placement(code, layout, self.ranges)
         self.plan = make_plan(code, layout, self.placement, grouped=False)
-        self.names = UniqueNames(code, KEYWORDS | set(definitions()))
-        self.clients = [c for a in code.actuators for c in a.clients]
-        self.modules = self._constants([c.module for c in self.clients])
         self.nobody = self._constant("nobody")
+        self.modules = self._constants([c.module for a in code.actuators for c in a.clients])
+        own = {self.nobody, *self.modules.values()}
+        self.names = UniqueNames(code, KEYWORDS | set(definitions()) | own)
         self.expressions = CTexts(code, self.placement, self.ranges, self.names, self.modules)
         self.sent = [sensor for sensor in code.sensors if sensor.sent is not None]
         self.cells = [cell for commit in self.plan.commits for cell in commit.cells]
@@ -140,7 +141,7 @@ class _Generator:
     def _constants(self, modules: list[str]) -> dict[str, str]:
         """Return a unique constant for each module."""
         constants: dict[str, str] = {}
-        taken = {self._constant("nobody")}
+        taken = {self.nobody}
         for module in modules:
             if module not in constants:
                 constant = base = self._constant(module)
@@ -185,7 +186,7 @@ class _Generator:
 
     def header(self) -> list[str]:
         """Return the types and functions."""
-        p, guard = self.prefix, f"{self.prefix.upper()}_H"
+        p, guard = self.prefix, _guard(self.prefix)
         tables = [f"extern const char *const {p}_{table}[];" for table, _ in self._tables()]
         constants = [self.nobody, *self.modules.values()]
         return [
@@ -523,10 +524,14 @@ def definitions() -> dict[str, str]:
     return {name[1]: part for name, part in zip(names, parts, strict=True) if name is not None}
 
 
+def _guard(name: str) -> str:
+    return f"COLONY_{name.upper()}_H"  # no module has this constant
+
+
 def preprocessor_lines(name: str) -> tuple[list[str], list[str]]:
     """Return the lines for the preprocessor in the header and source of a program."""
     types = [line for line in TYPES_TEXT.splitlines() if line.startswith("#")]
-    guard = f"{name.upper()}_H"
+    guard = _guard(name)
     header = [f"#ifndef {guard}", f"#define {guard}", *_INCLUDES, *types, "#endif"]
     guards = [line for line in GUARDS.splitlines() if line.startswith("#")]
     return header, [f'#include "{name}.h"', "#include <float.h>", "#include <math.h>", *guards]

@@ -11,6 +11,9 @@ from colony.compile.backends.c import native
 from colony.compile.backends.c.generate import generate_c
 from colony.compile.backends.c.native import CExecutor, NoCompilerError, built, is_available
 from colony.ir.frame import Frame
+from colony.verify.testing.agreement import generated_c
+from tests.compile.backends.c.harness import HERE, main_text, run
+from tests.executors import outcomes
 from tests.programs import compilation, robot
 
 pytestmark = pytest.mark.skipif(not is_available(), reason="no C compiler, or no cffi")
@@ -58,3 +61,25 @@ def test_the_executor_of_the_library_checks_frames() -> None:
         executor.step(Frame(1, {"nothing": 1.0}))
     executor.restart()
     assert executor.step(Frame(0, {})) == colony.build(program).executor().step(Frame(0, {}))
+
+
+def test_names_of_c_are_names_of_the_language_too(tmp_path: Path) -> None:
+    text = """
+robot colony {
+  sensor int : number from DServer.int
+  sensor nearbyint : number from DServer.n
+  sensor m[2] : number from DServer.m
+  sensor COLONY_H : bool from DServer.h
+  actuator found { for : number, double : bool } to DServer.out idle hold
+}
+let t = round(int) + m[0]
+module h { when COLONY_H and t > 0 do found(for = t, double = true) }
+module H { when nearbyint > t do found(for = nearbyint, double = false) }
+network { found = h suppresses H }
+contract has_int: t > 5
+"""
+    readings = {"int": 1.4, "nearbyint": 9.0, "m": [1.0, 2.0], "COLONY_H": True}
+    trace = [Frame(0, readings), Frame(1, {**readings, "COLONY_H": False}), Frame(2, {})]
+    outcomes(text, trace, {"generated C": generated_c})
+    c = generate_c(compilation(text).compiled)
+    run(HERE, c, main_text(c, trace), tmp_path)
