@@ -87,7 +87,8 @@ def command(
       colony trace --input run.mcap --frame 120 --picture scan.png
       echo '{"t": 0, "bumper": true}' | colony trace wander --input -
     """
-    backend = _available(backend)
+    if backend == "c":
+        expect_extras("native")
     inputs = [path for path in (file, input_) if path is not None]
     if output is not None:
         check_output(output, inputs)
@@ -107,7 +108,7 @@ def command(
                 _expect_no_modules(program, name)
             if picture is not None:
                 expect_bearings(program, file or name)
-            decided = _decide(program, reader, backend, frame_number)
+            decided = _decide(program, reader, _available(backend, program), frame_number)
         except DiagnosticError as failure:
             if failure.diagnostics[0].code == "P001":  # an error of the behavior, not of the frames
                 raise
@@ -129,17 +130,17 @@ def command(
     _report(name, reader, decided)
 
 
-def _available(backend: Backend) -> Backend:
-    """Return the backend, or generated Python in the place of C if there is no compiler, which is printed."""
+def _available(backend: Backend, program: Program) -> Backend:
+    """Return the backend, or generated Python in the place of C that cannot be compiled, which is printed."""
     if backend != "c":
         return backend
-    expect_extras("native")
-    from colony.compile.backends.c.native import NoCompilerError, compiler
+    from colony.compile.backends.c.native import NoCompilerError, load_c
+    from colony.compile.pipeline import compile_program
 
     try:
-        compiler()
-    except NoCompilerError as missing:
-        say(f"note: {missing}: generated Python decides instead")
+        load_c(compile_program(program).compiled)  # is in the cache then
+    except NoCompilerError as problem:
+        say(f"note: {problem}: generated Python decides instead")
         return "python"
     return backend
 
