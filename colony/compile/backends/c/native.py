@@ -119,7 +119,8 @@ def built(text: CText, command: Sequence[str] = (), options: Sequence[str] = STR
         _run([*command, *options, *_shared(), f"{folder}/{name}.c", "-o", str(target), "-lm"])
         if file is not None:
             with suppress(OSError):  # then it is compiled again next time
-                keep_in_cache(file, target.read_bytes())
+                data = target.read_bytes()
+                keep_in_cache(file, sha256(data).digest() + data)
         return _imported(name, target)
 
 
@@ -147,10 +148,12 @@ def _run(arguments: Sequence[str]) -> str:
 
 
 def _kept(file: Path | None) -> bytes:
+    """Return what a file of the cache has after its digest; nothing if it is damaged or not there."""
     try:
-        return read_from_cache(file, _MAX_BYTES) if file is not None else b""
+        kept = read_from_cache(file, _MAX_BYTES) if file is not None else b""
     except OSError:
         return b""
+    return kept[32:] if sha256(kept[32:]).digest() == kept[:32] else b""
 
 
 def _imported(name: str, path: Path) -> Any:

@@ -35,6 +35,17 @@ def test_what_was_compiled_is_loaded_from_the_cache(tmp_path: Path, monkeypatch:
     assert len([*kept.parent.iterdir()]) == 2
 
 
+def test_a_damaged_file_of_the_cache_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    text = generate_c(compilation(PROGRAM).compiled)
+    built(text)
+    [kept] = (tmp_path / "colony/native").iterdir()
+    whole = kept.read_bytes()
+    kept.write_bytes(whole[: len(whole) // 2])
+    assert CExecutor(text, built(text)).step(Frame(0, {"x": 2.0})).commands["out"].by == "m"
+    assert kept.read_bytes() != whole[: len(whole) // 2]
+
+
 def test_without_a_cache_it_is_compiled_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.delenv("HOME", raising=False)
@@ -83,3 +94,21 @@ contract has_int: t > 5
     outcomes(text, trace, {"generated C": generated_c})
     c = generate_c(compilation(text).compiled)
     run(HERE, c, main_text(c, trace), tmp_path)
+
+
+def test_a_restart_begins_anew_and_says_so_for_one_frame() -> None:
+    counting = (
+        "state n = 0\nnext n = n + 1\nmodule m { when true do out(v = if restarted then -n - 1 else n) }\n"
+    )
+    c = generate_c(compilation(robot() + counting + "network { out = m }\n").compiled)
+    module = built(c)
+    memory, frame, out = (module.ffi.new(f"struct tester_{x} *") for x in ("memory", "frame", "outcome"))
+    sent = []
+    module.lib.tester_init(memory)
+    for k in range(6):
+        if k == 3:
+            module.lib.tester_restart(memory)
+        frame.t_ns = 1_000 * k
+        module.lib.tester_step(memory, frame, out)
+        sent.append(out.out.command.v)
+    assert sent == [0.0, 1.0, 2.0, -1.0, 1.0, 2.0]
