@@ -16,12 +16,12 @@ from colony.ir.types import Bool
 
 
 def decision_lines(
-    plan: ActuatorPlan, names: UniqueNames, texts: CTexts, before: list[str], nobody: str
+    plan: ActuatorPlan, out: str, names: UniqueNames, texts: CTexts, before: list[str], nobody: str
 ) -> list[str]:
-    """Return the statements for one actuator; `before` are those that its limits need."""
+    """Return the statements for one actuator; `out` is its outcome, `before` what its limits need."""
     actuator = plan.actuator.actuator
     name, by = actuator.name, names.by[actuator.name]
-    out, fields = f"out->{names.decision[name]}", [names.field[name, i] for i in range(len(actuator.fields))]
+    fields = [names.field[name, i] for i in range(len(actuator.fields))]
     lines = [f"{out}.by = {by};", f"{out}.reason = COLONY_OK;", f"{out}.reason_field = 0;"]
     lines += [f"{out}.changed[{i}] = COLONY_UNCHANGED;" for i in range(len(fields))]
     if plan.groups:

@@ -29,9 +29,10 @@ from colony.execute.operators import Operator
 KEYWORDS = frozenset(
     "auto break case char const continue default do double else enum extern float for goto if inline int "
     "long register restrict return short signed sizeof static struct switch typedef union unsigned void "
-    "volatile while bool true false asm NULL NAN INFINITY nearbyint int64_t uint64_t uint32_t uint8_t m f "
-    "out t begun first_ns found broken nothing".split()
+    "volatile while bool true false asm NULL NAN INFINITY".split()
 )
+OWN = frozenset("nearbyint int64_t uint64_t uint32_t uint8_t m f out t begun first_ns".split())
+"""Names that are taken in a step and in its memory, besides keywords."""
 
 _LEAST_LOOP = 4
 """Number of operands from which a fold is a loop over an array."""

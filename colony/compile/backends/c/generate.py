@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path, PurePath
 
 from colony.compile.backends.c.decision import decision_lines
-from colony.compile.backends.c.expressions import KEYWORDS, TYPES, CTexts, identifier, literal
+from colony.compile.backends.c.expressions import KEYWORDS, OWN, TYPES, CTexts, identifier, literal
 from colony.compile.backends.c.sensors import sensor_lines, sensor_members
 from colony.compile.backends.python.plan import (
     ActuatorPlan,
@@ -129,7 +129,9 @@ class _Generator:
         self.nobody = self._constant("nobody")
         self.modules = self._constants([c.module for a in code.actuators for c in a.clients])
         own = {self.nobody, *self.modules.values()}
-        self.names = UniqueNames(code, KEYWORDS | set(definitions()) | own)
+        self.names = UniqueNames(code, KEYWORDS | OWN | set(definitions()) | own)
+        self.readings = _members([s.name for s in code.sensors], "t_ns", "restarted")
+        self.outcomes = _members([a.actuator.name for a in code.actuators], "found", "broken", "nothing")
         self.expressions = CTexts(code, self.placement, self.ranges, self.names, self.modules)
         self.sent = [sensor for sensor in code.sensors if sensor.sent is not None]
         self.cells = [cell for commit in self.plan.commits for cell in commit.cells]
@@ -178,8 +180,8 @@ class _Generator:
             name=self.prefix,
             header="\n".join([*head, *self.header()]) + "\n",
             source=_joined(source),
-            sensors=tuple(self.names.sensors[s.name] for s in self.code.sensors),
-            actuators=tuple(self.names.decision[a.actuator.name] for a in self.code.actuators),
+            sensors=tuple(self.readings.values()),
+            actuators=tuple(self.outcomes.values()),
             modules=tuple(self.modules),
             compiled=self.compiled,
         )
@@ -208,7 +210,11 @@ class _Generator:
             f"struct {p}_frame {{",
             "    int64_t t_ns;",
             "    bool restarted; /* true in the first frame after memory was lost */",
-            *[line for sensor in self.code.sensors for line in sensor_members(sensor, self.names)],
+            *[
+                line
+                for sensor in self.code.sensors
+                for line in sensor_members(sensor, self.readings[sensor.name])
+            ],
             "};",
             "",
             "/* What was decided: for each actuator the winner and its command in declared units. */",
@@ -263,7 +269,7 @@ class _Generator:
                     for f in fields
                 ]
                 lines += ["        } command;"]
-            lines += [f"    }} {self.names.decision[a.actuator.name]};"]
+            lines += [f"    }} {self.outcomes[a.actuator.name]};"]
         if self.code.sensors:
             lines.append(f"    uint8_t found[{len(self.code.sensors)}]; /* enum colony_found */")
         if self.code.contracts:
@@ -340,7 +346,7 @@ class _Generator:
         if self.outcome_members() == [_NOTHING]:
             self.add(1, "out->nothing = 0;")
         for i, sensor in enumerate(self.code.sensors):
-            self.add(1, *sensor_lines(sensor, i, self.names, used))
+            self.add(1, *sensor_lines(sensor, i, self.readings[sensor.name], self.names, used))
         head = f"void {p}_step(struct {p}_memory *m, const struct {p}_frame *f, struct {p}_outcome *out)"
         return [head, "{", *self.lines, *body, "}"]
 
@@ -367,7 +373,12 @@ class _Generator:
             self.add(1, "} while (false);")
         self.before(plan.after, 1)
         statements = self.expressions.statements.get(plan.limits, [])
-        self.add(1, *decision_lines(plan, self.names, self.expressions, statements, self.nobody))
+        self.add(
+            1,
+            *decision_lines(
+                plan, f"out->{self.outcomes[name]}", self.names, self.expressions, statements, self.nobody
+            ),
+        )
 
     def client(self, plan: ActuatorPlan, client: ClientPlan, indent: int) -> None:
         """Add one client."""
@@ -436,12 +447,23 @@ class _Generator:
                     won = "false" if module is None else f"{self.names.by[name]} == {module}"
                     self.add(1, f"m->{kept}.value = {won};", f"m->{kept}.known = true;")
                 continue
-            out = f"out->{self.names.decision[name]}"
+            out = f"out->{self.outcomes[name]}"
             command = f"{out}.command.{identifier(actuators[name].fields[of].name)}"
             keep = [f"m->{kept}.value = {command};", f"m->{kept}.known = true;"]
             if actuators[name].idle is None:
                 keep = [f"if ({out}.sent) {{", *(f"    {line}" for line in keep), "}"]
             self.add(1, *keep)
+
+
+def _members(names: list[str], *taken: str) -> dict[str, str]:
+    """Return the member of a struct for each name."""
+    members: dict[str, str] = {}
+    for name in names:
+        member = identifier(name)
+        while member in taken or member in members.values():
+            member += "_"
+        members[name] = member
+    return members
 
 
 def _type(is_bool: bool) -> str:

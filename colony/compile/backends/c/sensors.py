@@ -9,7 +9,7 @@ from colony.ir.program import Sensor
 from colony.ir.types import Array, Bool, element_type
 
 
-def sensor_members(sensor: Sensor, names: UniqueNames) -> list[str]:
+def sensor_members(sensor: Sensor, member: str) -> list[str]:
     """Return the lines of a sensor in the struct of a frame."""
     size = f"[{sensor.type.size}]" if isinstance(sensor.type, Array) else ""
     unit = f" /* {sensor.unit} */" if sensor.unit else ""
@@ -17,16 +17,16 @@ def sensor_members(sensor: Sensor, names: UniqueNames) -> list[str]:
     lines += ["        uint8_t given; /* enum colony_given */"]
     if sensor.within_ns is not None:
         lines += ["        int64_t taken_ns; /* when the reading was taken */"]
-    return [*lines, f"    }} {names.sensors[sensor.name]};"]
+    return [*lines, f"    }} {member};"]
 
 
-def sensor_lines(sensor: Sensor, index: int, names: UniqueNames, used: set[str]) -> list[str]:
+def sensor_lines(sensor: Sensor, index: int, member: str, names: UniqueNames, used: set[str]) -> list[str]:
     """Return the statements that set a sensor's value (or stand-in) and its freshness."""
     name, array = names.sensors[sensor.name], isinstance(sensor.type, Array)
-    given, reading = f"f->{name}.given", f"f->{name}.value"
+    given, reading = f"f->{member}.given", f"f->{member}.value"
     lines = []
     if sensor.within_ns is not None:
-        given = f"colony_aged({given}, f->t_ns, f->{name}.taken_ns, INT64_C({sensor.within_ns}))"
+        given = f"colony_aged({given}, f->t_ns, f->{member}.taken_ns, INT64_C({sensor.within_ns}))"
     if sensor.sent is not None:
         kept = f"m->{names.last[sensor.name]}"
         own = f"{given} == COLONY_ABSENT && {kept}.known"
