@@ -9,6 +9,7 @@ floats, against the bare call of the step after the same checks and the same con
 from __future__ import annotations
 
 import json
+import os
 import random
 import re
 import shutil
@@ -18,6 +19,7 @@ from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 from time import perf_counter, perf_counter_ns
+from unittest.mock import patch
 
 from benchmarks.decide import READINGS, SEED, Row, _command, _row, generated, main, workload
 from colony.compile.backends.c.expressions import literal
@@ -238,16 +240,14 @@ def on_host(text: CText, size: int, readings: list[list[float]]) -> tuple[float,
 
 
 def built_in(size: int) -> float:
-    """Seconds to compile a program to C, to prove the C, and to build it without the cache."""
+    """Seconds to compile a program to C, to prove the C, and to build it for this computer, uncached."""
     program = workload(size)
     start = perf_counter()
     compilation = compile_program(program)
     text = generate_c(compilation.compiled)
     assert isinstance(prove(program, compilation, c=text), EquivalenceProved)
-    with tempfile.TemporaryDirectory() as folder:
-        for name, content in (("h", text.header), ("c", text.source)):
-            Path(folder, f"{text.name}.{name}").write_text(content)
-        _done([*compiler(), *STRICT, "-c", f"{text.name}.c", "-o", "out.o"], folder)
+    with tempfile.TemporaryDirectory() as cache, patch.dict(os.environ, XDG_CACHE_HOME=cache):
+        built(text)
     return perf_counter() - start
 
 
