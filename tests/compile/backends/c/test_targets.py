@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import platform
 import re
+import shutil
 import struct
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -78,6 +81,34 @@ def test_the_example_of_the_page_compiles_and_runs(tmp_path: Path) -> None:
     [example] = re.findall(r"^```c main.c\n(.*?)^```$", (ROOT / "docs/native.md").read_text(), re.M | re.S)
     text = generate_c(compile_program(load_file(ROOT / "behaviors/wander.colony")).compiled, "wander")
     assert run(HERE, text, example, tmp_path).split() == ["cruise", "600"] * 3
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ("gcc -std=c99 -O2 -ffast-math", "-ffast-math"),
+        ("gcc -std=c99 -O2 -mfpmath=387", "FLT_EVAL_METHOD"),
+        ("gcc -std=gnu99 -O2 -mfma", "-ffp-contract=off"),
+        ("gcc -std=gnu99 -O2 -mfma -ffp-contract=off -DCOLONY_NO_CONTRACTION", None),
+        ("gcc -std=c99 -O2 -mfma", None),
+        ("arm-none-eabi-gcc -std=c99 -mcpu=cortex-m4 -mthumb", None),
+        ("avr-gcc -std=c99", "64 bits"),
+    ],
+)
+def test_compilers_that_would_compute_something_else_are_refused(
+    options: str, why: str | None, tmp_path: Path
+) -> None:
+    command, *rest = options.split()
+    if shutil.which(command) is None or ("-mf" in options and platform.machine() != "x86_64"):
+        pytest.skip(f"no {command}")
+    text = generate_c(compilation(ANGLES).compiled, "p")
+    (tmp_path / "p.h").write_text(text.header)
+    (tmp_path / "p.c").write_text(text.source)
+    done = subprocess.run(
+        [command, *rest, "-fsyntax-only", "p.c"], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert (done.returncode == 0) == (why is None), done.stderr
+    assert (why or "") in done.stderr
 
 
 @pytest.mark.parametrize("target", [HERE, CLANG, CORTEX_M4], ids=lambda target: target.name)
