@@ -12,6 +12,7 @@ from typing import Any
 MODULES = (
     "start",
     "decide",
+    "native",
     "compile_time",
     "proof",
     "front_end",
@@ -36,6 +37,7 @@ MODULES = (
 QUICK: dict[str, dict[str, Any]] = {
     "start": {"RUNS": 1},
     "decide": {"SIZES": (10,), "ROUNDS": 1},
+    "native": {"SIZES": (10,), "ROUNDS": 1, "BATCH_NS": 1000, "MODULES": 20},
     "compile_time": {"SIZES": (100,), "GRAPH_SIZES": (100,), "LEAST_RUNS": 1, "LEAST_SECONDS": 0.0},
     "proof": {
         "SECONDS": {100: 0.3},

@@ -325,9 +325,9 @@ def _row(name: str, value: float, target: float | None, unit: str = "times", not
     return {"name": name, "value": value, "unit": unit, "target": target, "ok": ok, "note": note}
 
 
-def main() -> None:
-    """Print the table."""
-    for row in run():
+def main(rows: list[Row]) -> None:
+    """Print a table of figures."""
+    for row in rows:
         target = "" if row["target"] is None else f"{row['target']:g}"
         verdict = "" if row["target"] is None else "ok" if row["ok"] else "MISS"
         print(
@@ -336,4 +336,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(run())

@@ -17,6 +17,7 @@ EXTRAS = {
     "bags": ("rosbags",),
     "watch": ("starlette", "uvicorn", "websockets"),
     "foxglove": ("foxglove",),
+    "native": ("cffi", "pycparser"),
     "dask": ("distributed",),
 }
 """The modules that each extra installs."""

@@ -16,6 +16,8 @@ from colony.text.source import NOWHERE
 
 if TYPE_CHECKING:
     from colony.analysis.report import AuditReport
+    from colony.compile.backends.c.generate import CText
+    from colony.compile.backends.c.native import CheckedCExecutor
     from colony.compile.pipeline import Compilation
     from colony.dsl.site import SiteParams
     from colony.execute.checked import CheckedExecutor
@@ -157,6 +159,24 @@ def read(path: str | PathLike[str]) -> CompiledProgram:
 
 
 @dataclass(frozen=True, slots=True)
+class CProgram:
+    """A program in C99. `text` has its `name`, `header` and `source`."""
+
+    text: CText
+
+    def executor(self) -> CheckedCExecutor:
+        """Return an executor with initial memory; the C is compiled once, and kept in the user's cache.
+
+        Raises:
+            MissingExtraError: cffi is not installed.
+            NoCompilerError: there is no C compiler, or it failed.
+        """
+        from colony.compile.backends.c.native import CheckedCExecutor, built
+
+        return CheckedCExecutor(self.text, built(self.text))
+
+
+@dataclass(frozen=True, slots=True)
 class CompiledProgram:
     """A compiled program without its source network. `compiled` is its executable form."""
 
@@ -170,6 +190,18 @@ class CompiledProgram:
         from colony.compile.backends.python.generate import generate
 
         return generate(self.compiled)
+
+    def to_c(self, name: str = "") -> CProgram:
+        """Return a header and a source in C99, called `name`, by default like the robot.
+
+        The `executor()` of the result compiles it, and takes frames as that of `executor` does.
+
+        Raises:
+            DiagnosticError: C002, the program has a module in Python.
+        """
+        from colony.compile.backends.c.generate import generate_c
+
+        return CProgram(generate_c(self.compiled, name))
 
     def executor(self) -> CheckedExecutor:
         """Return an executor with initial memory, whose `step` takes one frame after another.
@@ -204,6 +236,10 @@ class Build:
     def to_python(self) -> str:
         """Return the source of a Python module; see `CompiledProgram.to_python`."""
         return CompiledProgram(self.compilation.compiled).to_python()
+
+    def to_c(self, name: str = "") -> CProgram:
+        """Return the program in C; see `CompiledProgram.to_c`."""
+        return CompiledProgram(self.compilation.compiled).to_c(name)
 
     def graph(self) -> str:
         """Return the network as an SVG picture."""

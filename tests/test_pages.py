@@ -71,6 +71,7 @@ def test_paths_in_the_text_are_there(page: str) -> None:
 
 
 NOT_READ = {
+    "c": "C; tests/compile/backends/c/test_targets.py compiles it",
     "text": "what a command prints, or a form",
     "stickrep": "maps; tests/page_facts/test_maps.py reads them",
     "nft": "rules of a firewall; tests/runtime/transport/live loads them where nft is installed",

@@ -37,7 +37,7 @@ from colony.verify.coverage.obligations import CoveragePlan, plan_of
 from colony.verify.coverage.recorder import seen_in
 from colony.verify.lints.contracts import premise
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.agreement import ALL_EXECUTORS, disagreement
+from colony.verify.testing.agreement import disagreement, with_c
 from colony.verify.testing.examples import run_examples
 from colony.verify.testing.frames import Choices, draw_trace, snapshots_of
 from colony.verify.testing.guided import disturbed_run
@@ -68,7 +68,7 @@ def _drawn(seed: int, tunable: bool) -> tuple[Program, tuple[Frame, ...]]:
 def executors(seed: int, *, network: bool = False, tunable: bool = False) -> Findings:
     """Compare all executors with the interpreter over one drawn trace."""
     program, trace = run_of_seed(seed, network=True) if network else _drawn(seed, tunable)
-    found = disagreement(program, trace, ALL_EXECUTORS)
+    found = disagreement(program, trace, with_c(program))
     counts = Counter(programs=1, frames=len(trace))
     return counts, [] if found is None else [f"seed {seed}: {found}"]
 
@@ -76,7 +76,7 @@ def executors(seed: int, *, network: bool = False, tunable: bool = False) -> Fin
 def sequences(seed: int) -> Findings:
     """Compare all executors over a trace of a program with a sequence, and with it written out."""
     program, trace = run_of_seed(seed, max_frames=_SEQUENCE_FRAMES, sequence=True)
-    found = (disagreement(program, trace, ALL_EXECUTORS), drawn_disagreement(program, trace))
+    found = (disagreement(program, trace, with_c(program)), drawn_disagreement(program, trace))
     findings = [f"seed {seed}: {finding}" for finding in found if finding is not None]
     return Counter(programs=1, frames=len(trace)), findings
 

@@ -18,8 +18,8 @@ from colony.ir.program import Program, PythonModule
 from colony.runtime.frames.run_frame import Keyframe, RunFrame
 from colony.verify.reference.interpreter import Interpreter
 
-Backend = Literal["network", "clients", "python"]
-"""An executor: the reference interpreter, the client list, or the generated Python."""
+Backend = Literal["network", "clients", "python", "c"]
+"""An executor: the reference interpreter, the client list, generated Python or C."""
 
 E = TypeVar("E")
 E_co = TypeVar("E_co", covariant=True)
@@ -145,6 +145,10 @@ class BackendExecutors:
         compiled = compile_program(self._program).compiled
         if self._backend == "clients":
             return ProgramExecutor(compiled)
+        if self._backend == "c":
+            from colony.compile.backends.c.native import load_c
+
+            return load_c(compiled)
         from colony.compile.backends.python.generate import generate, load
 
         return load(generate(compiled))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from textwrap import indent
 from typing import TYPE_CHECKING, assert_never
@@ -9,12 +10,12 @@ from typing import TYPE_CHECKING, assert_never
 import click
 
 from colony.cli.exit_codes import EXIT_ERRORS, EXIT_MISUSE
-from colony.cli.outputs import BEHAVIOR, check_output, output_option, write_whole
+from colony.cli.outputs import BEHAVIOR, cannot_write, check_output, write_whole
 from colony.cli.params_choice import chosen_params, params_option
-from colony.cli.reporting import check_to_run, report, say
+from colony.cli.reporting import check_to_run, refuse, report, say
 from colony.cli.robot_choice import description_option
 from colony.cli.verify.prover_options import COUNTED, ProverSeconds
-from colony.extras import expect_extras, install_command, installed
+from colony.extras import expect_extras, install_command, installed, naming_missing_extras
 from colony.files import read_file, reason
 from colony.verify.interruption import reliable_interrupts
 
@@ -41,12 +42,25 @@ CLIENTS_BYTES = 64 * 1024 * 1024
 @click.option(
     "--format",
     "format_",
-    type=click.Choice(["table", "json", "python"]),
+    type=click.Choice(["table", "json", "python", "c"]),
     default="table",
     show_default=True,
-    help="A table for people, JSON for programs, or a Python class that does not depend on colony.",
+    help="A table for people, JSON for programs, a Python class that does not depend on colony, or a header "
+    "and a source in C99, which need -o FOLDER.",
 )
-@output_option
+@click.option(
+    "--float",
+    "in_floats",
+    is_flag=True,
+    help="Write C with floats in the place of doubles. It is unproved: it may decide otherwise than FILE.",
+)
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    metavar="PATH",
+    help="The output file, or for C the folder of NAME.h and NAME.c. [default: standard output]",
+)
 @click.option(
     "--no-proof", is_flag=True, help="Do not prove that the clients are equivalent to the network of FILE."
 )
@@ -55,7 +69,8 @@ CLIENTS_BYTES = 64 * 1024 * 1024
     "existing",
     metavar="CLIENTS",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    help="Only prove existing clients (JSON, or Python in a .py file) equivalent to the network of FILE.",
+    help="Only prove existing clients (JSON, or Python in a .py file, or C in a .c file beside its header) "
+    "equivalent to the network of FILE.",
 )
 @click.option(
     "--proof-timeout",
@@ -69,6 +84,7 @@ def command(
     file: str,
     explain: bool,
     format_: str,
+    in_floats: bool,
     output: Path | None,
     no_proof: bool,
     existing: Path | None,
@@ -86,6 +102,7 @@ def command(
       colony compile wander
       colony compile --explain figure_4_14
       colony compile --format python wander -o wander.py
+      colony compile --format c wander -o firmware
       colony compile wander -o wander.colonyc
       colony compile --prove wander.py wander
 
@@ -94,11 +111,10 @@ def command(
     """
     if explain and format_ != "table":
         raise click.UsageError("--explain requires --format table", click.get_current_context())
-    if existing is not None and (explain or no_proof or output is not None or format_ != "table"):
-        message = "--prove can be combined only with --proof-timeout"
-        raise click.UsageError(message, click.get_current_context())
+    if in_floats and format_ != "c":
+        raise click.UsageError("--float requires --format c", click.get_current_context())
     if existing is not None:
-        expect_extras("verify")
+        _expect_alone(explain or no_proof or output is not None or format_ != "table")
     from colony.cli.programs import compile_file
     from colony.execute.colonyc import SUFFIX, encode
 
@@ -106,7 +122,10 @@ def command(
         if output.suffix == SUFFIX and (explain or format_ != "table"):
             message = f"a {SUFFIX} file has its own format; leave out --format and --explain"
             raise click.UsageError(message, click.get_current_context())
-        check_output(output, [file])
+        if format_ != "c":
+            check_output(output, [file])
+    if format_ == "c":
+        output = _c_folder(output, file, no_proof or in_floats)
 
     compilation = compile_file(file)
     program = compilation.program
@@ -115,6 +134,10 @@ def command(
         with reliable_interrupts():
             result = _proof_of(existing, program, compilation, seconds)
         _report_proof(result, program, clients_file=existing)
+        return
+    if format_ == "c":
+        assert output is not None
+        _write_c(compilation, file, output, None if no_proof else seconds, in_floats)
         return
     text = _text(compilation, format_, explain)
     if explain:
@@ -129,6 +152,63 @@ def command(
         click.echo(text, nl=False)
     else:
         write_whole(output, encode(_proved(compilation, file, no_proof)) if output.suffix == SUFFIX else text)
+
+
+def _expect_alone(others: bool) -> None:
+    """Refuse `--prove` if `others`, options that it cannot be combined with, are given."""
+    if others:
+        message = "--prove can be combined only with --proof-timeout"
+        raise click.UsageError(message, click.get_current_context())
+    expect_extras("verify")
+
+
+def _c_folder(folder: Path | None, file: str, no_proof: bool) -> Path:
+    """Check the folder of C, and what its proof needs, before the work begins."""
+    if folder is None:
+        message = "--format c requires -o FOLDER, since it writes two files"
+        raise click.UsageError(message, click.get_current_context())
+    if not no_proof:
+        expect_extras("native")
+    for path in _c_files(folder, file) if folder.exists() else [folder]:
+        check_output(path, [file])
+    return folder
+
+
+def _c_files(folder: Path, file: str) -> tuple[Path, Path]:
+    """Return the paths of header and source."""
+    from colony.compile.backends.c.generate import program_name
+
+    name = program_name(Path(file).stem)
+    return folder / f"{name}.h", folder / f"{name}.c"
+
+
+def _write_c(
+    compilation: Compilation, file: str, folder: Path, seconds: float | None, in_floats: bool
+) -> None:
+    """Write header and source in C, proved unless `seconds` is None, or `in_floats`."""
+    from colony.compile.backends.c import single
+    from colony.compile.backends.c.generate import generate_c
+    from colony.text.diagnostics import DiagnosticError
+    from colony.verify.equivalence.prove import prove
+
+    program = compilation.program
+    try:
+        text = generate_c(compilation.compiled, Path(file).stem)
+    except DiagnosticError as refused:
+        refuse(refused.diagnostics)
+    if in_floats:
+        say("unproved: with --float it may decide otherwise than the network")
+        text = single.in_floats(text)
+    elif seconds is not None:
+        with reliable_interrupts():
+            result = prove(program, compilation, c=text, seconds=seconds)
+        _report_proof(result, program, clients_file=None)
+    try:
+        folder.mkdir(exist_ok=True)
+    except OSError as problem:
+        cannot_write(folder, reason(problem))
+    for path, content in zip(_c_files(folder, file), (text.header, text.source), strict=True):
+        write_whole(path, content)
 
 
 def _proved(compilation: Compilation, file: str, no_proof: bool) -> Compiled:
@@ -189,19 +269,29 @@ def _proof_of(existing: Path, program: Program, compilation: Compilation, second
 
     try:
         text = read_file(existing, CLIENTS_BYTES).decode("utf-8")
+        header = ""
+        if existing.suffix == ".c":
+            header = read_file(existing.with_suffix(".h"), CLIENTS_BYTES).decode("utf-8")
     except OSError as problem:
-        say(f"{existing}: error: cannot read: {reason(problem)}")
+        say(f"{problem.filename or existing}: error: cannot read: {reason(problem)}")
         raise click.exceptions.Exit(EXIT_MISUSE) from None
     except UnicodeDecodeError as problem:
         return WrongForm(
             form=str(existing), subject="text", found=str(problem), expected="clients as UTF-8 text"
         )
-    if existing.suffix != ".py":
+    if existing.suffix not in (".py", ".c"):
         return prove.prove_json(program, text, form=str(existing), seconds=seconds)
     clients = prove.prove(program, compilation, seconds=seconds)
     if not isinstance(clients, EquivalenceProved):
         return clients
-    return prove.prove_python(program, compilation.clients, text, form=str(existing), seconds=seconds)
+    if existing.suffix == ".py":
+        return prove.prove_python(program, compilation.clients, text, form=str(existing), seconds=seconds)
+    from colony.compile.backends.c.generate import generate_c
+
+    with naming_missing_extras():
+        emitted = generate_c(compilation.compiled, existing.stem)
+        found = replace(emitted, header=header, source=text)
+        return prove.prove_c(program, compilation.clients, found, form=str(existing), seconds=seconds)
 
 
 def _report_proof(result: Result, program: Program, clients_file: Path | None) -> None:

@@ -17,6 +17,7 @@ from colony.cli.params_choice import params_option
 from colony.cli.recorded import program_for
 from colony.cli.reporting import one_line, refuse, say
 from colony.cli.robot_choice import description_option
+from colony.extras import expect_extras
 from colony.files import open_regular, reason
 from colony.text.wording import time_text
 
@@ -37,10 +38,10 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--backend",
-    type=click.Choice(["network", "clients", "python"]),
+    type=click.Choice(["network", "clients", "python", "c"]),
     default="network",
     show_default=True,
-    help="The executor: the reference interpreter, the client list, or the generated Python.",
+    help="The executor: the reference interpreter, the client list, generated Python, or C.",
 )
 @click.option(
     "--frame",
@@ -86,6 +87,8 @@ def command(
       colony trace --input run.mcap --frame 120 --picture scan.png
       echo '{"t": 0, "bumper": true}' | colony trace wander --input -
     """
+    if backend == "c":
+        expect_extras("native")
     inputs = [path for path in (file, input_) if path is not None]
     if output is not None:
         check_output(output, inputs)
@@ -105,7 +108,7 @@ def command(
                 _expect_no_modules(program, name)
             if picture is not None:
                 expect_bearings(program, file or name)
-            decided = _decide(program, reader, backend, frame_number)
+            decided = _decide(program, reader, _available(backend, program), frame_number)
         except DiagnosticError as failure:
             if failure.diagnostics[0].code == "P001":  # an error of the behavior, not of the frames
                 raise
@@ -125,6 +128,21 @@ def command(
         subject = Path(file or (reader.run.program if reader.run else name)).name
         _draw(picture, program, subject, decided, name)
     _report(name, reader, decided)
+
+
+def _available(backend: Backend, program: Program) -> Backend:
+    """Return the backend, or generated Python in the place of C that cannot be compiled, which is printed."""
+    if backend != "c":
+        return backend
+    from colony.compile.backends.c.native import NoCompilerError, load_c
+    from colony.compile.pipeline import compile_program
+
+    try:
+        load_c(compile_program(program).compiled)  # is in the cache then
+    except NoCompilerError as problem:
+        say(f"note: {problem}: generated Python decides instead")
+        return "python"
+    return backend
 
 
 class _Decided:

@@ -92,6 +92,7 @@ CODES: dict[str, str] = {
     "T003": "a contract is broken in a test",
     "T004": "an element of a missing array is set",
     "C001": "a compiled program cannot be run",
+    "C002": "a program cannot be compiled to C",
     "A001": "the recording cannot be read",
     "A002": "the file is not a recording of a run",
     "A003": "there is nothing to audit in a recording",

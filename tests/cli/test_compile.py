@@ -4,6 +4,7 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from textwrap import dedent
 from typing import Any
@@ -222,3 +223,56 @@ def test_commands_that_need_the_source_say_so(colony: Colony, behavior: Path, co
     assert "b.colonyc" in line
     assert "error[E001]" in line
     assert "its source is needed" in line
+
+
+# --- C -----------------------------------------------------------------------------------------------
+
+
+def test_c_is_a_header_and_a_source_in_a_folder(colony: Colony, behavior: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "firmware"
+    done = colony("compile", "--format", "c", behavior, "-o", folder)
+    assert done.code == 0
+    assert done.err.startswith("proved: clients, generated C and network are the same")
+    name = behavior.stem
+    assert sorted(path.name for path in folder.iterdir()) == [f"{name}.c", f"{name}.h"]
+    source = folder / f"{name}.c"
+    assert f'#include "{name}.h"' in source.read_text()
+    assert colony("compile", "--prove", source, behavior).code == 0
+    source.write_text(source.read_text().replace("_by = B_BACK", "_by = B_CRUISE", 1))
+    assert colony("compile", "--prove", source, behavior).code == 1
+    (folder / f"{name}.h").unlink()
+    assert colony("compile", "--prove", source, behavior).code == 2
+
+
+def test_c_with_floats_is_written_without_a_proof(colony: Colony, behavior: Path, tmp_path: Path) -> None:
+    done = colony("compile", "--format", "c", "--float", behavior, "-o", tmp_path / "firmware")
+    assert (done.code, done.err[:9]) == (0, "unproved:")
+    assert (tmp_path / "firmware" / f"{behavior.stem}.h").read_text().startswith("/* UNPROVED: ")
+    assert "--float requires --format c" in colony("compile", "--float", behavior).err
+
+
+def test_c_without_a_folder_is_refused(colony: Colony, behavior: Path, tmp_path: Path) -> None:
+    assert "requires -o FOLDER" in colony("compile", "--format", "c", behavior).err
+    file = tmp_path / "file"
+    file.touch()
+    assert colony("compile", "--format", "c", behavior, "-o", file).code == 2
+    assert colony("compile", "--format", "c", behavior, "-o", tmp_path / "no" / "folder").code == 2
+
+
+def test_c_that_does_not_say_what_the_network_says_is_not_written(
+    colony: Colony, behavior: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from colony.compile.backends.c import generate
+
+    right = generate.generate_c
+
+    def wrong(compiled: Any, name: str = "") -> Any:
+        text = right(compiled, name)
+        [(first, second)] = re.findall(r'_modules\[\] = \{"", ("\w+"), ("\w+")', text.source)
+        return replace(text, source=text.source.replace(f"{first}, {second}", f"{second}, {first}"))
+
+    monkeypatch.setattr(generate, "generate_c", wrong)
+    done = colony("compile", "--format", "c", behavior, "-o", tmp_path / "firmware")
+    assert done.code == 1
+    assert "V001" in done.err
+    assert not (tmp_path / "firmware").exists()

@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
+from colony.compile.backends.c.native import is_available
 from colony.ir.frame import Frame
 from colony.runtime.recordings.replay import RecordingLine
 from tests.cli.conftest import Colony
 
-BACKENDS = ["network", "clients", "python"]
+BACKENDS = ["network", "clients", "python", *(["c"] if is_available() else [])]
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -138,6 +139,16 @@ def test_wrong_types_are_faults_and_the_sensor_is_missing(
     stdin = '{"t": 0, "near": "far", "bumper": 1}'
     ran = colony("trace", behavior, "--input", "-", "--backend", backend, stdin=stdin)
     assert json.loads(ran.out)["drive"]["by"] is None
+
+
+def test_without_a_compiler_generated_python_decides_in_the_place_of_c(
+    colony: Colony, behavior: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    ran = colony("trace", behavior, "--input", "-", "--backend", "c", stdin='{"t": 0}')
+    assert ran.code == 0
+    assert ran.err == "note: no C compiler (no-such-compiler): generated Python decides instead\n"
+    assert ran.out == colony.output("trace", behavior, "--input", "-", stdin='{"t": 0}')
 
 
 def test_times_beyond_doubles_keep_their_nanoseconds(colony: Colony, behavior: Path) -> None:

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from colony.dsl.load import load_text
 from colony.ir.expression import DerivedValue
@@ -26,7 +26,7 @@ from colony.ir.frame import Decision, Frame, Outcome, Reading
 from colony.ir.program import Let, Program
 from colony.ir.types import Array, Bool, Value
 from colony.verify.reference.interpreter import Interpreter
-from colony.verify.testing.agreement import ALL_EXECUTORS
+from colony.verify.testing.agreement import ALL_EXECUTORS, Factory
 from tests.executors import outcomes
 from tests.programs import robot
 
@@ -41,17 +41,19 @@ _SENSORS = tuple(
 _NAMES = {"T": True, "F": False, "inf": math.inf, "nan": math.nan}
 
 
-def told(given: str) -> str:
+def told(given: str, executors: Mapping[str, Factory] = ALL_EXECUTORS) -> str:
     """Return what all executors do in a run that is given as text, in rows."""
     text, _, rows = given.partition("\n\n")
     lines = [row.split() for row in rows.splitlines()]
     if re.search("^= ", text, re.M):
-        return _aligned([["it", *map(_value, values(re.sub("^= ", "let it = ", text, flags=re.M), lines))]])
+        return _aligned(
+            [["it", *map(_value, values(re.sub("^= ", "let it = ", text, flags=re.M), lines, executors))]]
+        )
     text = re.sub(
         "^do (.*)$", r"module m { when true do out(v = \1) }\nnetwork { out = m }", text, flags=re.M
     )
     program = load_text(text if "robot " in text else robot(*_SENSORS) + text)
-    return _aligned(_rows(program, outcomes(program, _trace(program, lines), ALL_EXECUTORS)))
+    return _aligned(_rows(program, outcomes(program, _trace(program, lines), executors)))
 
 
 def literal(text: str) -> Reading:
@@ -59,7 +61,9 @@ def literal(text: str) -> Reading:
     return None if text == "." else eval(text, {}, _NAMES)  # type: ignore[no-any-return]
 
 
-def values(text: str, rows: Sequence[Sequence[str]]) -> list[Value | None]:
+def values(
+    text: str, rows: Sequence[Sequence[str]], executors: Mapping[str, Factory] = ALL_EXECUTORS
+) -> list[Value | None]:
     """Return the value of the let `it` in each frame, None where it is missing; for the interpreter as it is,
     and for all executors as a command."""
     program = load_text(robot(*_SENSORS) + text)
@@ -70,7 +74,7 @@ def values(text: str, rows: Sequence[Sequence[str]]) -> list[Value | None]:
         interpreter.step(frame)
         found.append(interpreter.value_of(DerivedValue(type=let.expression.type, name="it")))
     telling = load_text(_telling(let) + text)
-    for value, outcome in zip(found, outcomes(telling, trace, ALL_EXECUTORS), strict=True):
+    for value, outcome in zip(found, outcomes(telling, trace, executors), strict=True):
         (sent,) = (d.values for d in outcome.decisions if d.actuator == "told")
         assert repr(sent) == repr(None if value is None else tuple(_parts(value)))
     return found

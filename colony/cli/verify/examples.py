@@ -28,13 +28,13 @@ def reports(program: Program, count: int, seed: int, *, faults: bool = False) ->
         DiagnosticError: a Python module cannot be imported or built.
     """
     from colony.analysis.virtual_executor import VirtualExecutor, with_faults
-    from colony.verify.testing.agreement import ALL_EXECUTORS
+    from colony.verify.testing.agreement import with_c
 
     return try_traces(
         program,
         count,
         seed,
-        executors={**ALL_EXECUTORS, "runtime in virtual time": VirtualExecutor},
+        executors={**with_c(program), "runtime in virtual time": VirtualExecutor},
         trials={"runtime with faults": with_faults} if faults else {},
     )
 

@@ -17,6 +17,7 @@ from itertools import chain
 from typing import TypeGuard
 
 from colony.collector import gc_paused
+from colony.compile.backends.c.generate import CText
 from colony.compile.guards import ClientList
 from colony.compile.pipeline import Compilation
 from colony.execute.compiled import Compiled
@@ -63,11 +64,12 @@ def prove(
     json: str | None = None,
     sent: Callable[[], Compiled] | None = None,
     python: str | None = None,
+    c: CText | None = None,
     seconds: float = SECONDS,
 ) -> Result:
     """Prove that the compiled clients decide as the program's network, or find a frame in which they do not.
 
-    The same is proved for the forms emitted from them: `json` and `python` are emitted texts, and `sent`
+    The same is proved for the forms emitted from them: `json`, `python` and `c` are emitted texts, and `sent`
     gives the program that is executed, saved and sent. `seconds` limits z3 for each question; with 0, z3
     is not used.
     """
@@ -79,6 +81,8 @@ def prove(
         proofs.append(lambda: _prove_sent(program, clients, sent(), seconds))
     if python is not None:
         proofs.append(lambda: prove_python(program, clients, python, seconds=seconds))
+    if c is not None:
+        proofs.append(lambda: prove_c(program, clients, c, seconds=seconds))
     return _all_of(proofs)
 
 
@@ -142,6 +146,24 @@ def prove_python(
     except EmittedFormError as problem:
         return WrongForm(form=form, subject="text", found=problem.found, expected=problem.expected)
     return found
+
+
+def prove_c(
+    program: Program,
+    clients: ClientList,
+    text: CText,
+    *,
+    form: str = "generated C",
+    seconds: float = SECONDS,
+) -> Result:
+    """Prove that generated C has the winners of the clients, which are those of the program."""
+    from colony.verify.equivalence.c_text import CReader  # needs an extra
+
+    try:
+        with gc_paused():
+            return prove_form(CReader(program, clients, text, form).form, clients, seconds)
+    except EmittedFormError as problem:
+        return WrongForm(form=form, subject="text", found=problem.found, expected=problem.expected)
 
 
 def prove_clients(

@@ -1,9 +1,10 @@
-"""Formulas of the guards in generated Python, read from the emitted text.
+"""Formulas of the guards in generated Python or C, read from the emitted text.
 
 The text is parsed and run symbolically, statement by statement, with a formula for "this point is reached".
 Equal expressions have equal numbers; a name counts as the expression last assigned to it. `and`, `or`,
 `not`, conditional expressions and constants become formulas; any other expression is an opaque condition. A
-module wins when `ACTUATOR_by = 'MODULE'` is reached.
+module wins when `ACTUATOR_by = 'MODULE'` is reached. C is first written as the Python that it stands for
+(`c_text.py`).
 """
 
 from __future__ import annotations
@@ -33,6 +34,10 @@ Key = tuple[object, ...]
 """An expression, by its kind and the numbers of its parts."""
 
 
+Functions = Mapping[str, ast.FunctionDef]
+"""The functions `__init__` and `step` of a program."""
+
+
 def read_python(
     program: Program, clients: ClientList, text: str, name: str, timer_classes: TimerClasses
 ) -> Form:
@@ -41,11 +46,25 @@ def read_python(
     Raises:
         EmittedFormError: the text is not what the compiler generates.
     """
+    with_contracts = generate(lower(with_activities(program), clients))
+    return read_functions(
+        program, python_functions(text), python_functions(with_contracts), name, timer_classes
+    )
+
+
+def read_functions(
+    program: Program, functions: Functions, with_contracts: Functions, name: str, timer_classes: TimerClasses
+) -> Form:
+    """Return the form of a program's functions, and of those of the program `with_activities`.
+
+    Raises:
+        EmittedFormError: the functions are not what the compiler generates.
+    """
     circuit = Circuit()
     numbers: dict[Key, int] = {}
-    run = _run(text, circuit, numbers, timer_classes)
-    with_contracts = _run(generate(lower(with_activities(program), clients)), circuit, numbers, timer_classes)
-    broken = {module: with_contracts.broken.get(name, FALSE) for name, module in _activity_contracts(program)}
+    run = _run(functions, circuit, numbers, timer_classes)
+    observed = _run(with_contracts, circuit, numbers, timer_classes)
+    broken = {module: observed.broken.get(name, FALSE) for name, module in _activity_contracts(program)}
     return Form(
         name=name,
         circuit=circuit,
@@ -66,7 +85,12 @@ def _activity_contracts(program: Program) -> list[tuple[str, str]]:
     return [(name, module) for name in names if (module := module_of(name)) is not None]
 
 
-def _run(text: str, circuit: Circuit, numbers: dict[Key, int], timer_classes: TimerClasses) -> _Run:
+def python_functions(text: str) -> Functions:
+    """Return the functions of the class `Program` in a text.
+
+    Raises:
+        EmittedFormError: it is no Python, or has no such class.
+    """
     try:
         tree = ast.parse(text)
     except (SyntaxError, ValueError, RecursionError) as problem:
@@ -75,6 +99,12 @@ def _run(text: str, circuit: Circuit, numbers: dict[Key, int], timer_classes: Ti
     functions = {n.name: n for n in classes[0].body if isinstance(n, ast.FunctionDef)} if classes else {}
     if len(classes) != 1 or not {"__init__", "step"} <= functions.keys():
         raise EmittedFormError("no class `Program` with `__init__` and `step`", "one")
+    return functions
+
+
+def _run(
+    functions: Functions, circuit: Circuit, numbers: dict[Key, int], timer_classes: TimerClasses
+) -> _Run:
     initial = {
         target.attr: statement.value.value
         for statement in functions["__init__"].body

@@ -15,7 +15,7 @@ from colony.compile.pipeline import Compilation, compile_program
 from colony.execute.executor import ClientsExecutor, ClientStep, ModuleExecutor, ProgramExecutor
 from colony.execute.intake import converted
 from colony.ir.frame import Decision, Executor, Frame, Outcome
-from colony.ir.program import Program, in_declared_units, value_before
+from colony.ir.program import Program, PythonModule, in_declared_units, value_before
 from colony.ir.types import ScalarValue
 from colony.verify.reference.interpreter import Interpreter
 
@@ -205,6 +205,21 @@ ALL_EXECUTORS: Mapping[str, Factory] = MappingProxyType({**EXECUTORS, **CLIENTS}
 def client_disagreement(program: Program, trace: Sequence[Frame]) -> Disagreement | None:
     """Return the first disagreement of the clients, alone or together, with the reference, if any."""
     return disagreement(program, trace, CLIENTS)
+
+
+def generated_c(compilation: Compilation) -> Executor:
+    """Return an executor in C; see `colony.compile.backends.c.native.load_c`."""
+    from colony.compile.backends.c.native import load_c  # needs an extra
+
+    return load_c(compilation.compiled)
+
+
+def with_c(program: Program, executors: Mapping[str, Factory] = ALL_EXECUTORS) -> Mapping[str, Factory]:
+    """Return executors, with generated C where it can be compiled: not where a module is in Python."""
+    from colony.compile.backends.c.native import is_available
+
+    has_python = any(isinstance(module, PythonModule) for module in program.modules)
+    return executors if has_python or not is_available() else {**executors, "generated C": generated_c}
 
 
 def _decide(program: Program, expected: Decision, steps: Mapping[tuple[str, str], ClientStep]) -> Decision:

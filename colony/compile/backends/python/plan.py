@@ -199,10 +199,15 @@ class ProgramOutline:
     commits: tuple[CommitPlan, ...]
 
 
-def make_plan(code: Code, layout: FunctionLayout, placement: Placement) -> ProgramOutline:
-    """Return the outline for `code`; fill `layout`, and record all uses in `placement`."""
+def make_plan(
+    code: Code, layout: FunctionLayout, placement: Placement, *, grouped: bool = True
+) -> ProgramOutline:
+    """Return the outline for `code`; fill `layout`, and record all uses in `placement`.
+
+    Unless `grouped`, each client is a group: its guard then has the structure that the proof expects.
+    """
     python = tuple((call, _python(call, layout, placement)) for call in code.python)
-    actuators = tuple(_actuator(code, actuator, layout, placement) for actuator in code.actuators)
+    actuators = tuple(_actuator(code, actuator, layout, placement, grouped) for actuator in code.actuators)
     contracts = []
     for contract in code.contracts:
         slot = layout.slot(ROOT)
@@ -227,14 +232,14 @@ def _python(call: PythonCall, layout: FunctionLayout, placement: Placement) -> i
 
 
 def _actuator(
-    code: Code, actuator: ActuatorCode, layout: FunctionLayout, placement: Placement
+    code: Code, actuator: ActuatorCode, layout: FunctionLayout, placement: Placement, grouped: bool
 ) -> ActuatorPlan:
     slot = layout.slot(ROOT)
     chain = layout.region(slot)
     reachable = _reachable(code, actuator)
     groups = [
         _group(code, list(clients), layout, placement, chain)
-        for _, clients in groupby(reachable, key=lambda c: (c.present, c.known))
+        for _, clients in groupby(reachable, key=lambda c: (c.present, c.known) if grouped else c.module)
     ]
     after = layout.slot(ROOT)
     limits = layout.slot(layout.region(after))
