@@ -92,10 +92,18 @@ class ProofVerdict(Struct, tag="verdict"):
 
 
 class ProveAnswer(Struct, tag="done"):
-    """All was proved or tried; `findings` are about what can never act, `failed` is a bug."""
+    """All was proved or tried.
+
+    Attributes:
+        number: Number of the job.
+        findings: What is wrong besides, such as what can never act.
+        refusal: Why nothing was proved or tried; "" if it was.
+        failed: The traceback of a bug.
+    """
 
     number: int
     findings: list[EditorFinding] = []
+    refusal: str = ""
     failed: str = ""
 
 

@@ -23,7 +23,7 @@ from colony.editing.features.renaming import new_name_problem, rename_edit
 from colony.editing.index import Index
 from colony.editing.open_file import path_of, uri_of
 from colony.editing.server import protocol
-from colony.editing.server.documents import ANALYZE_PAUSE_S, EditedFile
+from colony.editing.server.documents import ANALYZE_PAUSE_S, STALE, EditedFile
 from colony.editing.server.jobs import (
     AnalyzeAnswer,
     AnalyzeJob,
@@ -212,6 +212,9 @@ class EditorSession:
             return
         if self._files.get(file.path) is file:
             del self._files[file.path]
+            for other in self._files.values():  # importers see what is on disk
+                if other.index is None or other.known.file(file.path) is not None:
+                    self._touch(other, now)
         for uri in sorted({*file.published, file.uri}):
             self.publish(uri)
         for message_, other in [w for w in self._waiting if w[1] is file]:
@@ -290,7 +293,7 @@ class EditorSession:
         for uri in sorted(before | file.published):
             self.publish(uri)
         if not file.known.is_valid and file.verdicts:
-            file.proof_state = "before the last change"
+            file.proof_state = STALE
         for other in self._files.values():  # importers see the new text
             found = None if other is file else other.known.file(file.path)
             if found is not None and found[1].text != file.text and other.changed_at is None:
@@ -369,6 +372,8 @@ class EditorSession:
             return {"title": name, "text": verdict.details}
         if not verdict.block:
             raise protocol.RequestError(protocol.REQUEST_FAILED, f"no test repeats the run of `{name}`")
+        if verdict.number != file.proof_number:
+            raise protocol.RequestError(protocol.REQUEST_FAILED, f"the verdict of `{name}` is from {STALE}")
         edit = {"changes": {file.uri: [margin.appended(file, verdict.block)]}}
         self._ask("workspace/applyEdit", {"label": f"write the test of {name}", "edit": edit})
         return edit
