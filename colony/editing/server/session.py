@@ -73,7 +73,7 @@ class EditorSession:
         """Handle a message of the editor."""
         try:
             message = msgspec.json.decode(data, type=protocol.EditorMessage)
-        except (msgspec.MsgspecError, UnicodeDecodeError) as problem:
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as problem:
             self.out.append(protocol.failure(None, protocol.PARSE_ERROR, str(problem)))
             return
         if message.method:
@@ -83,7 +83,7 @@ class EditorSession:
         is_request = message.id is not UNSET
         try:
             result = self._dispatch(message, now)
-        except (protocol.RequestError, msgspec.ValidationError, msgspec.DecodeError) as problem:
+        except (protocol.RequestError, msgspec.MsgspecError, RecursionError) as problem:
             code = problem.code if isinstance(problem, protocol.RequestError) else protocol.INVALID_PARAMS
             if is_request:
                 self.out.append(protocol.failure(message.id, code, str(problem)))
@@ -147,7 +147,7 @@ class EditorSession:
         params = msgspec.json.decode(message.params, type=protocol.InitializeParams)
         folders = [folder.uri for folder in params.workspace_folders or ()]
         folders = folders or ([params.root_uri] if params.root_uri else [])
-        self._folders = [os.path.realpath(path_of(uri)) for uri in folders]
+        self._folders = [_real_path(uri) for uri in folders]
         self._capabilities = params.capabilities
         self._set(params.initialization_options)
         self._initialized = True
@@ -184,7 +184,7 @@ class EditorSession:
 
     def _did_open(self, message: protocol.EditorMessage, now: float) -> None:
         item = msgspec.json.decode(message.params, type=protocol.OpenParams).text_document
-        path = os.path.realpath(path_of(item.uri))
+        path = _real_path(item.uri)
         file = EditedFile(item.uri, path, item.version, Lines(item.text), self._files)
         self._files[path] = self._by_uri[item.uri] = file
         self._touch(file, now - ANALYZE_PAUSE_S)
@@ -381,6 +381,14 @@ class EditorSession:
     def _symbols(self, message: protocol.EditorMessage, now: float) -> Any:
         params = msgspec.json.decode(message.params, type=protocol.SymbolParams)
         return symbols.workspace_symbols(params.query, self._files.values(), behavior_files(self._folders))
+
+
+def _real_path(uri: str) -> str:
+    """Return the real path of a document or folder; refuse a URI that names none."""
+    try:
+        return os.path.realpath(path_of(uri))
+    except ValueError as problem:  # a malformed host, a NUL
+        raise protocol.RequestError(protocol.INVALID_PARAMS, f"`{uri}` names no file: {problem}") from problem
 
 
 _LATER = object()
