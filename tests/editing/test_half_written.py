@@ -100,7 +100,7 @@ def test_messages_come_in_any_pieces() -> None:
         with pytest.raises(ProtocolError):
             list(Framing().feed(b"Content-Length: %b\r\n\r\n" % length))
     program = jobs.OpenProgram("/a.colony", {"/a.colony": "text"})
-    for job in (jobs.AnalyzeJob(1, program), jobs.UsesJob(2, program, 3, []), jobs.ProveJob(4, program, 5.0)):
+    for job in (jobs.AnalyzeJob(1, program), jobs.FormatJob(2, "/a", "b"), jobs.ProveJob(4, program, 5.0)):
         assert list(Unpacking().feed(packed(job), jobs.Job)) == [job]  # type: ignore[arg-type]
 
 
