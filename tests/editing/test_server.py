@@ -216,6 +216,13 @@ def test_a_rename_that_would_miss_a_use_is_refused(project: Project, data: bytes
     assert _rename(project, "let ah|ead", "clear")
 
 
+def test_errors_elsewhere_in_a_file_do_not_keep_a_name_from_its_rename(project: Project) -> None:
+    project.open(project.folder / "robots" / "rome" / "rome.colony")
+    project.replace(project.robot_uri, "range 0 .. 10000", "range 9 .. 1")
+    assert "from PServer.sonar" in project.texts[project.robot_uri]
+    assert len(_rename(project, "min(son|ar[", "ranger")["changes"]) == 2
+
+
 def test_a_rename_names_the_versions_of_what_is_open(project: Project) -> None:
     editor = NearEditor()
     able = {"workspace": {"workspaceEdit": {"documentChanges": True}}}

@@ -81,9 +81,12 @@ def _unread(answer: UsesAnswer, programs: Sequence[Index]) -> str | None:
         if any(finding.severity == "error" for finding in file.findings):
             broken[file.path] = file.text
     for path, text in broken.items():
-        words = (x.start for x in lexemes(text) if x.kind == "word" and x.text == answer.name)
-        if not used[path].issuperset(words):
-            return path
+        before: list[str] = ["", "", ""]
+        for lexeme in lexemes(text):
+            is_of_server = before[-1] == "." and before[-3] in ("from", "to")
+            if lexeme[:2] == ("word", answer.name) and lexeme.start not in used[path] and not is_of_server:
+                return path
+            before.append(lexeme.text)
     return None
 
 
