@@ -96,16 +96,32 @@ def test_messages_come_in_any_pieces() -> None:
     data = framed({"id": 1}) + framed({"id": 2})
     framing = Framing()
     assert [body for byte in data for body in framing.feed(bytes([byte]))] == [b'{"id":1}', b'{"id":2}']
-    with pytest.raises(ProtocolError):
-        list(Framing().feed(b"Content-Length: x\r\n\r\n"))
+    for length in (b"x", b"1" * 5000):
+        with pytest.raises(ProtocolError):
+            list(Framing().feed(b"Content-Length: %b\r\n\r\n" % length))
     program = jobs.OpenProgram("/a.colony", {"/a.colony": "text"})
-    for job in (jobs.AnalyzeJob(1, program), jobs.UsesJob(2, program, 3, []), jobs.ProveJob(4, program, 5.0)):
+    for job in (jobs.AnalyzeJob(1, program), jobs.FormatJob(2, "/a", "b"), jobs.ProveJob(4, program, 5.0)):
         assert list(Unpacking().feed(packed(job), jobs.Job)) == [job]  # type: ignore[arg-type]
 
 
-def test_a_message_that_is_no_json_is_refused_and_the_next_one_answered(project: Project) -> None:
-    project.session.receive(b"{", project.now)
+@pytest.mark.parametrize("data", [b"{", b'{"id":7,"method":"exit","params":' + b"[" * 100_000])
+def test_a_message_that_is_no_json_is_refused_and_the_next_one_answered(
+    project: Project, data: bytes
+) -> None:
+    project.session.receive(data, project.now)
     assert b"-32700" in project.session.out.pop()
+    assert project.hover(project.uri, "let ah|ead")
+
+
+@pytest.mark.parametrize("uri", ["file://[x/a.colony", "file:///a%00b.colony"])
+def test_a_uri_that_names_no_file_is_refused(project: Project, uri: str) -> None:
+    item = {"uri": uri, "version": 1, "text": "let a = 1\n"}
+    project.tell("textDocument/didOpen", {"textDocument": item})
+    at = {"textDocument": {"uri": uri}, "position": {"line": 0, "character": 4}}
+    with pytest.raises(KeyError, match="is not open"):
+        project.ask("textDocument/hover", at)
+    with pytest.raises(KeyError, match="names no file"):
+        NearEditor().ask("initialize", {"rootUri": uri, "capabilities": {}})
     assert project.hover(project.uri, "let ah|ead")
 
 

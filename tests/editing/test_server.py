@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from colony.editing.open_file import uri_of
+from colony.editing.server.jobs import Answer, Job
 from tests.editing.client import NearEditor
 from tests.editing.project import PATROL, Project
 from tests.paths import ROOT
@@ -167,12 +170,90 @@ def test_a_rename_reaches_the_interface_of_the_robot(project: Project) -> None:
         ("min(son|ar[", "implies", "reserved"),
         ("avo|ids what is near", "other", "a file or a title"),
         ("language| 1\n\nimport", "other", "no name of the program"),
+        ("let ah|ead", "room", "an error in .*patrol.colony.: `room` is declared twice"),
+        ("let ne|ar(r", "min", "a function of the language"),
     ],
 )
 def test_a_rename_that_makes_no_sense_is_refused(project: Project, marked: str, name: str, why: str) -> None:
     at = project.at(project.uri, marked)
     with pytest.raises(KeyError, match=why):
         project.ask("textDocument/rename", {**at, "newName": name})
+
+
+def _rename(project: Project, marked: str, name: str) -> Any:
+    return project.ask("textDocument/rename", {**project.at(project.uri, marked), "newName": name})
+
+
+def test_a_rename_that_a_local_name_captures_is_refused(project: Project) -> None:
+    project.replace(project.uri, "param room", "param top = 50 mm/s\nparam room")
+    project.replace(project.uri, "  let  close", "  param fast = 600 mm/s\n  let  close")
+    project.replace(project.uri, "velocity = 60 mm/s, turn", "velocity = top, turn")
+    project.settle()
+    with pytest.raises(KeyError, match=r"`fast` has another meaning in .*patrol.colony., line 27"):
+        _rename(project, "param t|op", "fast")
+    assert _rename(project, "param t|op", "other")
+
+
+def test_a_rename_that_clashes_in_an_importer_without_the_name_is_refused(project: Project) -> None:
+    (project.folder / "lib.colony").write_text("language 1\nlet free = 1\n")
+    (project.folder / "both.colony").write_text('import "patrol.colony"\nimport "lib.colony"\n')
+    (project.folder / "top.colony").write_text('import "both.colony"\n')
+    with pytest.raises(KeyError, match=r"`free` is an error in .*both.colony"):
+        _rename(project, "let ah|ead", "free")
+    assert _rename(project, "let ah|ead", "clear")
+
+
+@pytest.mark.parametrize(
+    "data", [b'import "patrol.colony"\nlet b = ahead +\n', b'import "patrol.colony"\nlet b = ahead # \xff\n']
+)
+def test_a_rename_that_would_miss_a_use_is_refused(project: Project, data: bytes) -> None:
+    half = project.folder / "half.colony"
+    half.write_bytes(data)
+    with pytest.raises(KeyError, match=r"`ahead` stands in .*half\.colony"):
+        _rename(project, "let ah|ead", "clear")
+    assert _rename(project, "param ro|om =", "space")  # which does not stand there
+    half.write_bytes(data.replace(b"patrol", b"lib"))
+    assert _rename(project, "let ah|ead", "clear")
+
+
+def test_errors_elsewhere_in_a_file_do_not_keep_a_name_from_its_rename(project: Project) -> None:
+    project.open(project.folder / "robots" / "rome" / "rome.colony")
+    project.replace(project.robot_uri, "range 0 .. 10000", "range 9 .. 1")
+    assert "from PServer.sonar" in project.texts[project.robot_uri]
+    assert len(_rename(project, "min(son|ar[", "ranger")["changes"]) == 2
+
+
+def test_a_rename_names_the_versions_of_what_is_open(project: Project) -> None:
+    editor = NearEditor()
+    able = {"workspace": {"workspaceEdit": {"documentChanges": True}}}
+    editor.ask("initialize", {"rootUri": uri_of(str(project.folder)), "capabilities": able})
+    uri = editor.open(project.path)
+    editor.replace(uri, "# What is", "# what is")
+    edit = editor.ask("textDocument/rename", {**editor.at(uri, "min(son|ar["), "newName": "ranger"})
+    found = {
+        change["textDocument"]["uri"]: change["textDocument"]["version"] for change in edit["documentChanges"]
+    }
+    assert found == {uri: 2, project.robot_uri: None}
+
+
+@pytest.mark.parametrize("method", ["rename", "references", "formatting"])
+def test_what_is_typed_while_a_worker_is_busy_is_served_and_makes_its_answer_invalid(
+    project: Project, method: str
+) -> None:
+    params = {**project.about(project.uri), **project.at(project.uri, "let ah|ead")}
+    params |= {"newName": "clear"} if method == "rename" else {}
+    answers = project.worker.answers
+
+    def typed_meanwhile(job: Job) -> Iterator[Answer]:
+        assert "straight ahead" in project.hover(project.uri, "let ah|ead")
+        project.replace(project.uri, "import robot\n", "import robot\n\n")
+        project.worker.answers = answers  # type: ignore[method-assign]
+        yield from answers(job)
+
+    project.worker.answers = typed_meanwhile  # type: ignore[method-assign]
+    with pytest.raises(KeyError, match="changed meanwhile"):
+        project.ask(f"textDocument/{method}", params)
+    assert [m["error"]["code"] for m in project.received if "error" in m] == [-32801]
 
 
 def test_what_comes_with_colony_is_not_renamed(tmp_path: Path) -> None:

@@ -158,3 +158,56 @@ def test_a_server_of_its_own_proves_and_is_stopped_by_a_key(tmp_path: Path) -> N
         editor.ask("shutdown", None)
         editor.tell("exit", None)
         assert editor.exit_code() == 0
+
+
+def _run(editor: Project, command: str, name: str) -> Any:
+    arguments = {"command": f"colony.{command}", "arguments": [editor.uri, name]}
+    found = editor.ask("workspace/executeCommand", arguments)
+    editor.settle()
+    return found
+
+
+def _shown(editor: Project) -> str:
+    found = [m["params"] for m in editor.received if m.get("method") == "window/showMessage"]
+    return str(found[-1]["message"])
+
+
+def test_a_test_that_is_run_leaves_verdicts_of_an_earlier_text_stale(proving: Project) -> None:
+    name = "avoids what is near"
+    proving.settle()
+    proving.tell("workspace/didChangeConfiguration", {"settings": {"colony": {"prove": False}}})
+    proving.replace(proving.uri, "velocity = 60 mm/s, turn", "velocity = 600 mm/s, turn")
+    proving.settle()
+    _run(proving, "runTest", name)
+    assert _shown(proving).startswith(f"{name}: FAILED")
+    assert proving.lenses(proving.uri)[0] == "slow: proved (before the last change)"
+    proving.replace(proving.uri, "velocity = 600 mm/s, turn", "velocity = 600 mm/s, tur")
+    proving.settle()
+    _run(proving, "runTest", name)
+    assert _shown(proving) == f"{name}: the file has errors"
+    assert proving.lenses(proving.uri)[0] == "slow: proved (before the last change)"
+
+
+def test_no_test_is_written_from_a_verdict_of_an_earlier_text(proving: Project) -> None:
+    proving.replace(proving.uri, "<= 100 mm/s\n", "<= 50 mm/s\n")
+    proving.settle()
+    proving.replace(proving.uri, "when paused", "when pausd")
+    for _ in range(2):  # before the analysis, and after it
+        with pytest.raises(KeyError, match="`slow` is from before the last change"):
+            _run(proving, "writeTest", "slow")
+
+
+def test_a_file_that_is_closed_unsaved_counts_as_it_is_on_disk(proving: Project) -> None:
+    speed = proving.folder / "speed.colony"
+    speed.write_text("language 1\nparam creep = 600 mm/s\n")
+    proving.replace(proving.uri, "import robot", 'import robot\nimport "speed.colony"')
+    proving.replace(proving.uri, "velocity = 60 mm/s, turn", "velocity = creep, turn")
+    imported = proving.open(speed)
+    proving.replace(imported, "600", "60")
+    proving.settle()
+    proving.settle()
+    assert proving.lenses(proving.uri)[0] == "slow: proved"
+    proving.tell("textDocument/didClose", {"textDocument": {"uri": imported}})
+    proving.settle()
+    proving.settle()
+    assert proving.lenses(proving.uri)[0] == "slow: REFUTED"

@@ -19,6 +19,9 @@ LONGEST_WAIT_S = 1.0
 PROVE_PAUSE_S = 0.4
 """Seconds after the last change until contracts are proved."""
 
+STALE = "before the last change"
+"""The state of verdicts of an earlier text."""
+
 
 @dataclass(slots=True)
 class EditedFile(OpenFile):
@@ -32,6 +35,7 @@ class EditedFile(OpenFile):
         is_proved: True if its proofs are done or under way.
         verdicts: The last verdicts, by kind and name.
         proof_state: What is the case with the verdicts; "" if they are of the text as it is.
+        proof_number: Number of the last job that proves the text as it is; 0 if there is none.
         proof_findings: What the prover found.
         text_proved: The text of which it found that.
     """
@@ -43,6 +47,7 @@ class EditedFile(OpenFile):
     is_proved: bool = False
     verdicts: dict[tuple[str, str], ProofVerdict] = field(default_factory=dict)
     proof_state: str = ""
+    proof_number: int = 0
     proof_findings: list[EditorFinding] = field(default_factory=list)
     text_proved: str = ""
 
@@ -50,9 +55,9 @@ class EditedFile(OpenFile):
         """Begin the pause after a change."""
         self.changed_at = self.touched_at = now
         self.waits_since = now if self.waits_since is None else self.waits_since
-        self.is_proved = False
+        self.is_proved, self.proof_number = False, 0
         if self.verdicts:
-            self.proof_state = "before the last change"
+            self.proof_state = STALE
 
     @property
     def analysis_due(self) -> float | None:

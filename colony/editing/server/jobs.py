@@ -30,12 +30,24 @@ class AnalyzeJob(Struct, tag="analyze"):
 
 
 class UsesJob(Struct, tag="uses"):
-    """Find every use of the name at `offset`, in the program and in the files of `folders`."""
+    """Find every use of the name at `offset`, in the program and in the files of `folders`.
+
+    With `new_name`, try it at all of these places.
+    """
 
     number: int
     program: OpenProgram
     offset: int
     folders: list[str]
+    new_name: str = ""
+
+
+class FormatJob(Struct, tag="format"):
+    """Format a text."""
+
+    number: int
+    path: str
+    text: str
 
 
 class ProveJob(Struct, tag="prove"):
@@ -47,7 +59,7 @@ class ProveJob(Struct, tag="prove"):
     test: str = ""
 
 
-Job = AnalyzeJob | UsesJob | ProveJob
+Job = AnalyzeJob | UsesJob | FormatJob | ProveJob
 
 
 class AnalyzeAnswer(Struct, tag="analyzed"):
@@ -66,6 +78,14 @@ class UsesAnswer(Struct, tag="used"):
     name: str
     uses: list[tuple[str, int, int]]
     texts: dict[str, str]
+    refusal: str = ""
+
+
+class FormatAnswer(Struct, tag="formatted"):
+    """The text in the one style, as it was if it has errors; `refusal` is why there is none."""
+
+    number: int
+    text: str
     refusal: str = ""
 
 
@@ -92,14 +112,22 @@ class ProofVerdict(Struct, tag="verdict"):
 
 
 class ProveAnswer(Struct, tag="done"):
-    """All was proved or tried; `findings` are about what can never act, `failed` is a bug."""
+    """All was proved or tried.
+
+    Attributes:
+        number: Number of the job.
+        findings: What is wrong besides, such as what can never act.
+        refusal: Why nothing was proved or tried; "" if it was.
+        failed: The traceback of a bug.
+    """
 
     number: int
     findings: list[EditorFinding] = []
+    refusal: str = ""
     failed: str = ""
 
 
-Answer = AnalyzeAnswer | UsesAnswer | ProofVerdict | ProveAnswer
+Answer = AnalyzeAnswer | UsesAnswer | FormatAnswer | ProofVerdict | ProveAnswer
 
 _T = TypeVar("_T")
 

@@ -7,25 +7,7 @@ from typing import Any
 
 from colony.editing.features import completion, hover, margin, navigation, signature, symbols, tokens
 from colony.editing.server.documents import EditedFile
-from colony.editing.server.protocol import DocumentParams, PositionParams, RangeParams, Settings, TextEdit
-from colony.editing.text import Drift
-from colony.text.diagnostics import DiagnosticError
-
-
-def _formatting(file: EditedFile) -> list[TextEdit]:
-    """Return the edit that formats a document; none where its text has errors."""
-    try:
-        from colony.editing.formatting import formatted  # type: ignore[import-untyped,unused-ignore]
-    except ImportError:
-        return []
-    try:
-        text = formatted(file.text, file.path)
-    except DiagnosticError:
-        return []
-    drift = Drift.between(file.text, text)
-    if drift.start < 0:
-        return []
-    return [TextEdit(file.lines.range(drift.start, drift.then), text[drift.start : drift.now])]
+from colony.editing.server.protocol import DocumentParams, PositionParams, RangeParams, Settings
 
 
 def _quick_fixes(file: EditedFile, params: RangeParams) -> list[Any]:
@@ -44,7 +26,6 @@ FEATURES: dict[str, Feature] = {
     "textDocument/semanticTokens/full": (DocumentParams, lambda _, f, p: tokens.semantic_tokens(f)),
     "textDocument/foldingRange": (DocumentParams, lambda _, f, p: tokens.folds(f)),
     "textDocument/codeLens": (DocumentParams, lambda s, f, p: f.lenses(proves=s.prove)),
-    "textDocument/formatting": (DocumentParams, lambda _, f, p: _formatting(f)),
     "textDocument/codeAction": (RangeParams, lambda _, f, p: _quick_fixes(f, p)),
     "textDocument/inlayHint": (
         RangeParams,

@@ -89,7 +89,8 @@ class ProofQueue:
         job = ProveJob(self._number(), file.program(settings.robot), settings.seconds, test)
         self._proving = job, file, now + max(1.0, PROVE_LIMIT_FACTOR * settings.seconds)
         self.jobs.append(job)
-        file.proof_state = "proving"
+        if not test:
+            file.proof_state, file.proof_number = "proving", job.number
         self._host.refresh("codeLens")
 
     def answered(self, answer: ProofVerdict | ProveAnswer) -> None:
@@ -97,7 +98,7 @@ class ProofQueue:
         if self._proving is None or self._proving[0].number != answer.number:
             return
         if isinstance(answer, ProveAnswer):
-            self._end(answer.failed and "the prover failed", answer.findings)
+            self._end("the prover failed" if answer.failed else answer.refusal, answer.findings)
             return
         file = self._proving[1]
         file.verdicts[answer.kind, answer.name] = answer
@@ -111,17 +112,24 @@ class ProofQueue:
     def _end(self, state: str, findings: list[EditorFinding] | None = None) -> None:
         assert self._proving is not None, "a proof is under way"
         (job, file, _), self._proving = self._proving, None
+        if job.test:  # which leaves the verdicts of all else as they were
+            self._report_test(job, file, state)
+            return
         file.proof_state = state
-        if not job.test and findings is not None:
+        if findings is not None and not state:
             own = {(k, d.name) for _, d in file.own_declarations() for k in ("test", "contract")}
             file.verdicts = {key: verdict for key, verdict in file.verdicts.items() if key in own}
             file.proof_findings, file.text_proved = findings, job.program.texts[file.path]
             self._host.publish(file.uri)
         self._show(file)
-        verdict = file.verdicts.get(("test", job.test))
-        if verdict is not None:
-            message = f"{job.test}: {verdict.details}"
-            self._host.notify("window/showMessage", {"type": 1 if verdict.is_bad else 3, "message": message})
+
+    def _report_test(self, job: ProveJob, file: EditedFile, state: str) -> None:
+        """Send the verdict of the test of a job, or why it has none."""
+        self._show(file)
+        verdict, type_, result = file.verdicts.get(("test", job.test)), 1, state or "there is no such test"
+        if verdict is not None and verdict.number == job.number:
+            type_, result = 1 if verdict.is_bad else 3, verdict.details
+        self._host.notify("window/showMessage", {"type": type_, "message": f"{job.test}: {result}"})
 
     def _show(self, file: EditedFile) -> None:
         """Send the verdicts to the editor: as lenses, and as data for editors that show more."""

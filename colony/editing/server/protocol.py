@@ -18,7 +18,10 @@ MAX_BYTES = 64 * 1024 * 1024
 """Byte limit of a message."""
 
 PARSE_ERROR, INVALID_REQUEST, UNKNOWN_METHOD, INVALID_PARAMS = -32700, -32600, -32601, -32602
-NOT_INITIALIZED, INTERNAL_ERROR, REQUEST_FAILED = -32002, -32603, -32803
+NOT_INITIALIZED, REQUEST_FAILED, CONTENT_MODIFIED = -32002, -32803, -32801
+
+_MAX_DIGITS = 20
+"""Characters of a length that are read; any number so long is more than `MAX_BYTES`."""
 
 
 class ProtocolError(Exception):
@@ -59,8 +62,9 @@ class Framing:
             length = None
             for line in bytes(self._bytes[:end]).split(b"\r\n"):
                 name, _, value = line.partition(b":")
-                if name.strip().lower() == b"content-length" and value.strip().isdigit():
-                    length = int(value)
+                digits = value.strip()
+                if name.strip().lower() == b"content-length" and digits.isdigit():
+                    length = int(digits[:_MAX_DIGITS])
             if length is None or length > MAX_BYTES:
                 raise ProtocolError("a message without a usable Content-Length")
             if len(self._bytes) < end + 4 + length:

@@ -26,7 +26,7 @@ def verdicts(job: ProveJob, analyzer: Analyzer) -> Iterator[ProofVerdict | Prove
     analyzed = analyzer.analyze(job.program.path, job.program.texts, job.program.robot)
     program = analyzed.program
     if program is None:
-        yield ProveAnswer(job.number)
+        yield ProveAnswer(job.number, refusal="the file has errors")
         return
     source = program.files[-1][1]
     found: list[Diagnostic] = []

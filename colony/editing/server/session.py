@@ -1,9 +1,9 @@
 """The language server without I/O: messages and answers of workers in, messages and jobs out.
 
 A request is answered from the last index of its document, and never waits for a parse of the file. Two kinds
-of requests do wait: any before the first index of a document, and `references` and `rename`, which a worker
-answers. A change begins a pause; at its end the document is analyzed, and at the end of a longer one its
-contracts are proved.
+of requests do wait: any before the first index of a document, and `references`, `rename` and `formatting`,
+which a worker answers. A change begins a pause; at its end the document is analyzed, and at the end of a
+longer one its contracts are proved.
 """
 
 from __future__ import annotations
@@ -19,15 +19,17 @@ from msgspec import UNSET
 from colony import __version__
 from colony.dsl.parser import accepted_at
 from colony.editing.features import margin, symbols
-from colony.editing.features.renaming import new_name_problem, rename_edit
+from colony.editing.features.renaming import new_name_problem, rename_edits
 from colony.editing.index import Index
 from colony.editing.open_file import path_of, uri_of
 from colony.editing.server import protocol
-from colony.editing.server.documents import ANALYZE_PAUSE_S, EditedFile
+from colony.editing.server.documents import ANALYZE_PAUSE_S, STALE, EditedFile
 from colony.editing.server.jobs import (
     AnalyzeAnswer,
     AnalyzeJob,
     Answer,
+    FormatAnswer,
+    FormatJob,
     Job,
     ProofVerdict,
     ProveAnswer,
@@ -63,7 +65,7 @@ class EditorSession:
         self._initialized = self._shut_down = False
         self._next_number = count(1).__next__  # of jobs, and of requests to the editor
         self._busy: tuple[Job, EditedFile] | None = None
-        self._uses: list[tuple[UsesJob, EditedFile, Any, str]] = []  # with the request and the new name
+        self._asked: list[tuple[UsesJob | FormatJob, EditedFile, Any]] = []  # with the id of the request
         self._waiting: list[tuple[protocol.EditorMessage, EditedFile]] = []  # for a first index
         self.proofs = ProofQueue(self, self._files, self._next_number)
 
@@ -73,7 +75,7 @@ class EditorSession:
         """Handle a message of the editor."""
         try:
             message = msgspec.json.decode(data, type=protocol.EditorMessage)
-        except (msgspec.MsgspecError, UnicodeDecodeError) as problem:
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as problem:
             self.out.append(protocol.failure(None, protocol.PARSE_ERROR, str(problem)))
             return
         if message.method:
@@ -83,7 +85,7 @@ class EditorSession:
         is_request = message.id is not UNSET
         try:
             result = self._dispatch(message, now)
-        except (protocol.RequestError, msgspec.ValidationError, msgspec.DecodeError) as problem:
+        except (protocol.RequestError, msgspec.MsgspecError, RecursionError) as problem:
             code = problem.code if isinstance(problem, protocol.RequestError) else protocol.INVALID_PARAMS
             if is_request:
                 self.out.append(protocol.failure(message.id, code, str(problem)))
@@ -147,7 +149,7 @@ class EditorSession:
         params = msgspec.json.decode(message.params, type=protocol.InitializeParams)
         folders = [folder.uri for folder in params.workspace_folders or ()]
         folders = folders or ([params.root_uri] if params.root_uri else [])
-        self._folders = [os.path.realpath(path_of(uri)) for uri in folders]
+        self._folders = [_real_path(uri) for uri in folders]
         self._capabilities = params.capabilities
         self._set(params.initialization_options)
         self._initialized = True
@@ -184,7 +186,7 @@ class EditorSession:
 
     def _did_open(self, message: protocol.EditorMessage, now: float) -> None:
         item = msgspec.json.decode(message.params, type=protocol.OpenParams).text_document
-        path = os.path.realpath(path_of(item.uri))
+        path = _real_path(item.uri)
         file = EditedFile(item.uri, path, item.version, Lines(item.text), self._files)
         self._files[path] = self._by_uri[item.uri] = file
         self._touch(file, now - ANALYZE_PAUSE_S)
@@ -212,6 +214,9 @@ class EditorSession:
             return
         if self._files.get(file.path) is file:
             del self._files[file.path]
+            for other in self._files.values():  # importers see what is on disk
+                if other.index is None or other.known.file(file.path) is not None:
+                    self._touch(other, now)
         for uri in sorted({*file.published, file.uri}):
             self.publish(uri)
         for message_, other in [w for w in self._waiting if w[1] is file]:
@@ -232,10 +237,10 @@ class EditorSession:
                 job = AnalyzeJob(self._next_number(), file.program(self.settings.robot))
                 self._busy = job, file
                 self.jobs.append(job)
-            elif self._uses:
-                uses, file, _, _ = self._uses[0]
-                self._busy = uses, file
-                self.jobs.append(uses)
+            elif self._asked:
+                asked, file, _ = self._asked[0]
+                self._busy = asked, file
+                self.jobs.append(asked)
         self.proofs.wake(now)
 
     def deadline(self) -> float | None:
@@ -243,7 +248,7 @@ class EditorSession:
         times = [self.proofs.deadline()]
         if self._busy is None:
             times += [f.analysis_due for f in self._files.values()]
-            times += [0.0] if self._uses else []
+            times += [0.0] if self._asked else []
         return min((time for time in times if time is not None), default=None)
 
     def answered(self, answer: Answer, now: float) -> None:
@@ -258,8 +263,11 @@ class EditorSession:
         if isinstance(answer, AnalyzeAnswer):
             self._analyzed(file, answer, now)
         else:
-            _, file, id_, new_name = self._uses.pop(0)
-            self._answer_uses(file, answer, id_, new_name)
+            asked, file, id_ = self._asked.pop(0)
+            try:
+                self.out.append(protocol.answer(id_, self._result(asked, file, answer)))
+            except protocol.RequestError as problem:
+                self.out.append(protocol.failure(id_, problem.code, str(problem)))
 
     def lost(self, now: float, *, is_prover: bool) -> None:
         """Go on without the answer of a worker that died."""
@@ -270,6 +278,8 @@ class EditorSession:
             job, _ = self._busy
             if isinstance(job, UsesJob):
                 self.answered(UsesAnswer(job.number, "", "", [], {}, why), now)
+            elif isinstance(job, FormatJob):
+                self.answered(FormatAnswer(job.number, "", why), now)
             else:
                 self.answered(AnalyzeAnswer(job.number, Index(), why), now)
 
@@ -290,7 +300,7 @@ class EditorSession:
         for uri in sorted(before | file.published):
             self.publish(uri)
         if not file.known.is_valid and file.verdicts:
-            file.proof_state = "before the last change"
+            file.proof_state = STALE
         for other in self._files.values():  # importers see the new text
             found = None if other is file else other.known.file(file.path)
             if found is not None and found[1].text != file.text and other.changed_at is None:
@@ -320,7 +330,7 @@ class EditorSession:
         version = {} if opened is None else {"version": opened.version}
         self.notify("textDocument/publishDiagnostics", {"uri": uri, "diagnostics": unique, **version})
 
-    # --- uses of a name, commands, symbols
+    # --- uses of a name, formatting, commands, symbols
 
     def _find_uses(self, message: protocol.EditorMessage, now: float) -> Any:
         params = msgspec.json.decode(message.params, type=protocol.PositionParams)
@@ -329,27 +339,59 @@ class EditorSession:
         if problem is not None:
             raise protocol.RequestError(protocol.REQUEST_FAILED, problem)
         program, offset = file.program(self.settings.robot), file.lines.offset(params.position)
-        job = UsesJob(self._next_number(), program, offset, self._folders_of(file))
-        self._uses.append((job, file, message.id, params.new_name))
+        job = UsesJob(self._next_number(), program, offset, self._folders_of(file), params.new_name)
+        self._asked.append((job, file, message.id))
+        return _LATER
+
+    def _format(self, message: protocol.EditorMessage, now: float) -> Any:
+        params = msgspec.json.decode(message.params, type=protocol.DocumentParams)
+        file = self._open(params.text_document.uri)
+        self._asked.append((FormatJob(self._next_number(), file.path, file.text), file, message.id))
         return _LATER
 
     def _folders_of(self, file: EditedFile) -> list[str]:
         return self._folders or [os.path.dirname(file.path)]
 
-    def _answer_uses(self, file: EditedFile, answer: UsesAnswer, id_: Any, new_name: str) -> None:
-        if new_name:
-            edit = rename_edit(answer, new_name, self._folders_of(file), self._uri)
-            if isinstance(edit, str):
-                self.out.append(protocol.failure(id_, protocol.REQUEST_FAILED, edit))
-            else:
-                self.out.append(protocol.answer(id_, edit))
-            return
-        lines = {path: Lines(text) for path, text in answer.texts.items()}
-        places = [
-            protocol.Location(self._uri(path), lines[path].range(start, end))
-            for path, start, end in answer.uses
-        ]
-        self.out.append(protocol.answer(id_, places))
+    def _result(self, job: UsesJob | FormatJob, file: EditedFile, answer: UsesAnswer | FormatAnswer) -> Any:
+        """Return the result of a request that a worker has answered, or refuse it."""
+        if isinstance(job, FormatJob):
+            opened = then = {job.path: job.text}
+        else:
+            opened, then = job.program.texts, answer.texts if isinstance(answer, UsesAnswer) else {}
+        for path, text in then.items():
+            now = self._files.get(path)
+            if path in opened if now is None else now.text != text:
+                why = f"`{path}` has changed meanwhile"
+                raise protocol.RequestError(protocol.CONTENT_MODIFIED, why)
+        if isinstance(job, UsesJob) and isinstance(answer, UsesAnswer) and job.new_name:
+            edits = rename_edits(answer, job.new_name, self._folders_of(file))
+            if isinstance(edits, str):
+                raise protocol.RequestError(protocol.REQUEST_FAILED, edits)
+            return self._workspace_edit(edits)
+        if isinstance(answer, UsesAnswer):
+            lines = {path: Lines(text) for path, text in answer.texts.items()}
+            return [
+                protocol.Location(self._uri(path), lines[path].range(start, end))
+                for path, start, end in answer.uses
+            ]
+        if answer.refusal:
+            raise protocol.RequestError(protocol.REQUEST_FAILED, answer.refusal)
+        drift = Drift.between(file.text, answer.text)
+        if drift.start < 0:
+            return []
+        place = file.lines.range(drift.start, drift.then)
+        return [protocol.TextEdit(place, answer.text[drift.start : drift.now])]
+
+    def _workspace_edit(self, edits: dict[str, list[protocol.TextEdit]]) -> Any:
+        """Return edits by path as the protocol has them, with versions if the editor reads these."""
+        if not self._can("workspace", "workspaceEdit", "documentChanges"):
+            return {"changes": {self._uri(path): rows for path, rows in edits.items()}}
+        changes: list[Any] = []
+        for path, rows in edits.items():
+            opened = self._files.get(path)
+            name = {"uri": self._uri(path), "version": None if opened is None else opened.version}
+            changes.append({"textDocument": name, "edits": rows})
+        return {"documentChanges": changes}
 
     def _execute(self, message: protocol.EditorMessage, now: float) -> Any:
         params = msgspec.json.decode(message.params, type=protocol.CommandParams)
@@ -369,13 +411,23 @@ class EditorSession:
             return {"title": name, "text": verdict.details}
         if not verdict.block:
             raise protocol.RequestError(protocol.REQUEST_FAILED, f"no test repeats the run of `{name}`")
-        edit = {"changes": {file.uri: [margin.appended(file, verdict.block)]}}
+        if verdict.number != file.proof_number:
+            raise protocol.RequestError(protocol.REQUEST_FAILED, f"the verdict of `{name}` is from {STALE}")
+        edit = self._workspace_edit({file.path: [margin.appended(file, verdict.block)]})
         self._ask("workspace/applyEdit", {"label": f"write the test of {name}", "edit": edit})
         return edit
 
     def _symbols(self, message: protocol.EditorMessage, now: float) -> Any:
         params = msgspec.json.decode(message.params, type=protocol.SymbolParams)
         return symbols.workspace_symbols(params.query, self._files.values(), behavior_files(self._folders))
+
+
+def _real_path(uri: str) -> str:
+    """Return the real path of a document or folder; refuse a URI that names none."""
+    try:
+        return os.path.realpath(path_of(uri))
+    except ValueError as problem:  # a malformed host, a NUL
+        raise protocol.RequestError(protocol.INVALID_PARAMS, f"`{uri}` names no file: {problem}") from problem
 
 
 _LATER = object()
@@ -394,5 +446,6 @@ _SESSION: dict[str, Callable[[EditorSession, protocol.EditorMessage, float], Any
     "workspace/executeCommand": EditorSession._execute,
     "textDocument/references": EditorSession._find_uses,
     "textDocument/rename": EditorSession._find_uses,
+    "textDocument/formatting": EditorSession._format,
 }
 """By method, what a session does itself."""

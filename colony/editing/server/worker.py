@@ -9,16 +9,20 @@ import os
 import re
 import sys
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 
 from colony.editing.analysis import Analyzer
-from colony.editing.index import Declaration, Index
+from colony.editing.features.renaming import renaming_problem
+from colony.editing.formatting import formatted
+from colony.editing.index import Declaration, Index, IndexedFile
 from colony.editing.server.jobs import (
     AnalyzeAnswer,
     AnalyzeJob,
     Answer,
+    FormatAnswer,
+    FormatJob,
     Job,
     OpenProgram,
     ProveAnswer,
@@ -29,6 +33,7 @@ from colony.editing.server.jobs import (
     packed,
 )
 from colony.shipped import Shipped
+from colony.text.diagnostics import DiagnosticError
 
 MAX_FILES = 500
 """Maximum number of files of a workspace that are searched for uses of a name."""
@@ -50,16 +55,21 @@ class Worker:
                     yield AnalyzeAnswer(number, self._analyze(program))
                 case UsesJob():
                     yield self._uses(job)
+                case FormatJob():
+                    yield _formatted(job)
                 case ProveJob():
                     from colony.editing.server.proving import verdicts  # loads the prover
 
                     yield from verdicts(job, self._analyzer)
         except Exception:
             failed = traceback.format_exc()
+            in_short = "a bug in colony: " + failed.splitlines()[-1]
             if isinstance(job, AnalyzeJob):
                 yield AnalyzeAnswer(job.number, Index(), failed)
             elif isinstance(job, UsesJob):
-                yield UsesAnswer(job.number, "", "", [], {}, "a bug in colony: " + failed.splitlines()[-1])
+                yield UsesAnswer(job.number, "", "", [], {}, in_short)
+            elif isinstance(job, FormatJob):
+                yield FormatAnswer(job.number, "", in_short)
             else:
                 yield ProveAnswer(job.number, failed=failed)
 
@@ -67,7 +77,10 @@ class Worker:
         return self._analyzer.analyze(program.path, program.texts, program.robot).index
 
     def _uses(self, job: UsesJob) -> UsesAnswer:
-        """Return every use of a name: in its program, and in those that import the file that declares it."""
+        """Return every use of a name: in its program, and in those that import the file that declares it.
+
+        A new name may clash in any of these programs, so that all of them are read for one.
+        """
         index = self._analyze(job.program)
         use = index.use_at(index.root, job.offset) if index.files else None
         if use is None:
@@ -76,18 +89,33 @@ class Worker:
         home = index.files[declared.file]
         found: dict[tuple[str, int, int], None] = {}
         texts: dict[str, str] = {}
-        programs = [index]
-        for path in _files_with(declared.name, job.folders, {f.path for f in index.files}, job.program.texts):
+        programs, unread = [index], ""
+        word = re.compile(rf"\b{re.escape(declared.name)}\b")
+        candidates = _texts(job)
+        for path in _importers(home, candidates):
+            has_word = word.search(candidates[path])
+            if index.file(path) is not None or not (has_word or job.new_name):
+                continue
             other = self._analyze(OpenProgram(path, job.program.texts, job.program.robot))
             if other.file(home.path) is not None:
                 programs.append(other)
+            elif has_word and not other.files:
+                unread = f"`{declared.name}` stands in `{path}`, which cannot be read"
         for program in programs:
             for file in program.files:
                 texts[file.path] = file.text
                 for start, end, number in file.uses:
                     if _is(program, program.declarations[number], declared, home.path):
                         found[file.path, start, end] = None
-        return UsesAnswer(job.number, declared.kind, declared.name, list(found), texts)
+        answer = UsesAnswer(job.number, declared.kind, declared.name, list(found), texts)
+        if job.new_name:
+            analyzer = Analyzer()  # which forgets the networks of what is only tried
+
+            def tried(path: str, renamed: Mapping[str, str]) -> Index:
+                return analyzer.analyze(path, {**job.program.texts, **renamed}, job.program.robot).index
+
+            answer.refusal = unread or renaming_problem(answer, job.new_name, programs, tried)
+        return answer
 
 
 def _is(program: Index, other: Declaration, declared: Declaration, home: str) -> bool:
@@ -100,18 +128,37 @@ def _is(program: Index, other: Declaration, declared: Declaration, home: str) ->
     )
 
 
-def _files_with(name: str, folders: list[str], known: set[str], texts: dict[str, str]) -> Iterator[str]:
-    """Yield the files of folders, and the open ones, that have a word and are not known."""
-    word = re.compile(rf"\b{re.escape(name)}\b")
-    for path in dict.fromkeys((*texts, *behavior_files(folders))):
-        if path in known:
-            continue
-        try:
-            text = texts.get(path) or Path(path).read_text(encoding="utf-8", errors="replace")
-        except OSError:
-            continue
-        if word.search(text):
-            yield path
+def _texts(job: UsesJob) -> dict[str, str]:
+    """Return the texts of all files of the folders of a job, and of the open ones, by path."""
+    found = dict(job.program.texts)
+    for path in behavior_files(job.folders):
+        with suppress(OSError):
+            found.setdefault(path, Path(path).read_text(encoding="utf-8", errors="replace"))
+    return found
+
+
+_IMPORT = re.compile(r'^[ \t]*import\s+(?:"([^"\r\n]*)"|robot\b)', re.MULTILINE)
+_ROBOT = re.compile(r"^[ \t]*robot\s+\w", re.MULTILINE)
+
+
+def _importers(home: IndexedFile, texts: Mapping[str, str]) -> list[str]:
+    """Return the files that may import a file, directly or through others, by the names in their imports."""
+    imports = {path: {Path(m[1] or "robot").stem for m in _IMPORT.finditer(t)} for path, t in texts.items()}
+    found: dict[str, None] = {}
+    names, added = set[str](), [(home.path, home.text)]
+    while added:
+        names |= {Path(path).stem for path, _ in added}
+        names |= {"robot" for _, text in added if _ROBOT.search(text)}
+        added = [(path, texts[path]) for path in imports if path not in found and imports[path] & names]
+        found |= dict.fromkeys(path for path, _ in added)
+    return [*found]
+
+
+def _formatted(job: FormatJob) -> FormatAnswer:
+    try:
+        return FormatAnswer(job.number, formatted(job.text, job.path))
+    except DiagnosticError:
+        return FormatAnswer(job.number, job.text)
 
 
 def behavior_files(folders: list[str]) -> Iterator[str]:
