@@ -55,10 +55,10 @@ def text_of(file: str, coverage: Coverage) -> Iterator[str]:
 
 
 def _lines(plan: CoveragePlan, m: Measured) -> Iterator[str]:
-    for goal in m.unseen:
+    for i, goal in enumerate(m.unseen):
         yield f"  {m.obligation.span.place}: {lacking_text(m, goal)}"
-    for line in steps_of(plan, m):
-        yield f"    {line}"
+        for line in steps_of(plan, m) if i == 0 else ():
+            yield f"    {line}"
 
 
 def lacking_text(m: Measured, goal: CoverageGoal) -> str:
