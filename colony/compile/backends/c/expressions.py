@@ -7,7 +7,7 @@ from math import isinf
 
 from colony.compile.backends.python.expressions import ExpressionTexts
 from colony.compile.backends.python.plan import Placement
-from colony.compile.backends.python.text import ExpressionText, NumberRange, Precedence, UniqueNames
+from colony.compile.backends.python.text import INFIX, ExpressionText, NumberRange, Precedence, UniqueNames
 from colony.execute.code import (
     Apply,
     Code,
@@ -36,20 +36,6 @@ OWN = frozenset("nearbyint int64_t uint64_t uint32_t uint8_t m f out t begun fir
 
 _LEAST_LOOP = 4
 """Number of operands from which a fold is a loop over an array."""
-
-_INFIX: dict[Operator, tuple[str, Precedence]] = {
-    Operator.ADD: ("+", Precedence.SUM),
-    Operator.SUBTRACT: ("-", Precedence.SUM),
-    Operator.TIME_ADD: ("+", Precedence.SUM),
-    Operator.TIME_SUBTRACT: ("-", Precedence.SUM),
-    Operator.MULTIPLY: ("*", Precedence.PRODUCT),
-    Operator.DIVIDE: ("/", Precedence.PRODUCT),
-    Operator.LESS: ("<", Precedence.COMPARISON),
-    Operator.TIME_LESS: ("<", Precedence.COMPARISON),
-    Operator.LESS_EQUAL: ("<=", Precedence.COMPARISON),
-    Operator.EQUAL: ("==", Precedence.COMPARISON),
-    Operator.NOT_EQUAL: ("!=", Precedence.COMPARISON),
-}
 
 _CALLS: dict[Operator, str] = {
     Operator.ABS: "fabs",
@@ -117,17 +103,15 @@ class CTexts(ExpressionTexts):
         self._modules = modules
         super().__init__(code, placement, ranges, names)
 
-    def _name(self, value: int, text: ExpressionText) -> ExpressionText:
-        name, kind = self._names.value(value), self.code.kinds[value]
+    def _assignment(self, value: int, name: str, text: str) -> str:
+        kind = self.code.kinds[value]
         if kind is Kind.TABLE:
             op = self.code.ops[value]
             assert isinstance(op, Table)
             of = f"{TYPES[self.code.kinds[op.elements[0]]]} *const"
         else:
             of = TYPES[kind]
-        statements = self.statements.setdefault(self._placement.slot[value], [])
-        statements.append(f"const {of} {name} = {text.text};")
-        return ExpressionText(name)
+        return f"const {of} {name} = {text};"
 
     def _atom(self, op: Op) -> ExpressionText:
         names = self._names
@@ -208,8 +192,8 @@ def _applied(operator: Operator, o: list[ExpressionText]) -> tuple[str, Preceden
             for p in o[1:]:
                 text = f"{_PAIRS[operator]}({text}, {p.text})"
             return text, Precedence.ATOM if len(o) > 1 else o[0].binding
-        case _ if operator in _INFIX:
-            return _infix(*_INFIX[operator], o)
+        case _ if operator in INFIX:
+            return _infix(*INFIX[operator], o)
         case _:
             return f"{_CALLS[operator]}({', '.join(p.text for p in o)})", Precedence.ATOM
 

@@ -87,8 +87,12 @@ class ExpressionTexts:
     def _name(self, value: int, text: ExpressionText) -> ExpressionText:
         name = self._names.value(value)
         statements = self.statements.setdefault(self._placement.slot[value], [])
-        statements.append(f"{name} = {text.text}")
+        statements.append(self._assignment(value, name, text.text))
         return ExpressionText(name)
+
+    def _assignment(self, value: int, name: str, text: str) -> str:
+        """Return the statement that names a value."""
+        return f"{name} = {text}"
 
     def _atom(self, op: Op) -> ExpressionText:
         names = self._names

@@ -280,20 +280,22 @@ class ExpressionText(NamedTuple):
 
 TRUE = ExpressionText("True")
 
-_INFIX: dict[Operator, tuple[str, Precedence]] = {
+INFIX: dict[Operator, tuple[str, Precedence]] = {
     Operator.ADD: ("+", Precedence.SUM),
     Operator.SUBTRACT: ("-", Precedence.SUM),
     Operator.TIME_ADD: ("+", Precedence.SUM),
     Operator.TIME_SUBTRACT: ("-", Precedence.SUM),
     Operator.MULTIPLY: ("*", Precedence.PRODUCT),
     Operator.DIVIDE: ("/", Precedence.PRODUCT),
-    Operator.MODULO: ("%", Precedence.PRODUCT),
     Operator.LESS: ("<", Precedence.COMPARISON),
     Operator.TIME_LESS: ("<", Precedence.COMPARISON),
     Operator.LESS_EQUAL: ("<=", Precedence.COMPARISON),
     Operator.EQUAL: ("==", Precedence.COMPARISON),
     Operator.NOT_EQUAL: ("!=", Precedence.COMPARISON),
 }
+"""The operators that C writes in the same way."""
+
+_INFIX = INFIX | {Operator.MODULO: ("%", Precedence.PRODUCT)}
 
 _CALLS: dict[Operator, str] = {
     Operator.ABS: "abs",
