@@ -8,7 +8,7 @@ from colony.ir.expression import NESTING_LIMIT
 _CLAUSE_WORDS = frozenset(
     "BEARING RANGE DEFAULT FROM WITHIN TO IDLE ON_LOSS WHEN KEEP RESTART UNTIL REQUIREMENT GIVEN".split()
 ) | {"EXPECT"}
-"""What begins a part of a statement, outside of brackets."""
+"""Terminals that begin a part of a statement, outside of brackets."""
 
 _CLAUSE, _COMMA = -2, -1
 _LOOSENESS = {
@@ -22,7 +22,7 @@ _LOOSENESS = {
     **dict.fromkeys(("TIMES", "OVER"), 6),
     "THEN": 7,
 }
-"""How loosely the words bind before which a line may be broken."""
+"""Terminals before which a line may be broken: the lower the number, the looser they bind."""
 
 
 class _Level:

@@ -312,7 +312,7 @@ _STOPS: dict[str, dict[str, str]] = {
     "step": {"GIVEN": "given", "EXPECT": "expect"},
     **{kind: {"COLON": "promise"} for kind in sorted(_PROMISES)},
 }
-"""What pieces of each kind of row are aligned by, by their terminals outside of brackets."""
+"""Stops of each kind of row, which its pieces are aligned by: by terminal, outside of brackets."""
 
 
 def set_stops(row: Row) -> None:

@@ -48,7 +48,7 @@ _NEW_NAME = frozenset(
 """Words that a name follows which is not declared yet."""
 
 _BEFORE_PARTS = frozenset({"=", "suppresses", "inhibits", "(", "]"})
-"""What stands in a network before the name of a part, and not before that of a new wire."""
+"""Words of a network after which the name of a part follows, and not that of a new wire."""
 
 _ACTUATORS, _PHASES = frozenset({"do", "commands", "limit", "idle"}), frozenset({"start", "->"})
 

@@ -73,4 +73,4 @@ CAPABILITIES: dict[str, Any] = {
         "full": True,
     },
 }
-"""What the server can do, as `initialize` answers."""
+"""Capabilities of the server, the answer to `initialize`."""
